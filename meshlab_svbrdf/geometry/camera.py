@@ -1,0 +1,51 @@
+"""A pinhole camera in OpenCV's convention: x ~ K (R X + t), y down, z forward, pixel centres whole."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Camera:
+    """One frame's camera.
+
+    width, height : int, pixels
+    fx, fy, cx, cy : float, pixels; pixel centres lie at whole numbers
+    R : (3, 3) float64, world to camera; t : (3,) float64
+    """
+
+    width: int
+    height: int
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    R: np.ndarray
+    t: np.ndarray
+
+    @property
+    def center(self) -> np.ndarray:
+        """Where the camera stands in the world, (3,) float64."""
+        return -self.R.T @ self.t
+
+    @property
+    def K(self) -> np.ndarray:
+        return np.array([[self.fx, 0, self.cx], [0, self.fy, self.cy], [0, 0, 1.0]])
+
+    def about(self, origin: np.ndarray) -> Camera:
+        """The same camera in a world whose origin has moved to `origin` (float32 needs it small)."""
+        return Camera(
+            self.width, self.height, self.fx, self.fy, self.cx, self.cy,
+            self.R, self.t + self.R @ origin,
+        )  # fmt: skip
+
+    def project(self, points: np.ndarray) -> np.ndarray:
+        """World points (N, 3) to (N, 3): column, row (pixels) and depth (world units, > 0 in front)."""
+        p = points @ self.R.T + self.t
+        z = p[:, 2]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.column_stack(
+                [self.fx * p[:, 0] / z + self.cx, self.fy * p[:, 1] / z + self.cy, z]
+            )

@@ -1,0 +1,60 @@
+"""A triangle mesh with texture coordinates per wedge: what the core needs of a MeshLab layer."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """Triangles in the world's coordinates (metres, millimetres: whatever the scan uses).
+
+    vertices : (V, 3) float64
+    faces : (F, 3) int32
+    normals : (V, 3) float64 unit vectors, or None where the file has none
+    uv : (F, 3, 2) float64 per wedge, or None; image row 0 of a texture is v = 1
+    texture_index : (F,) int32, which of the layer's textures a face uses
+    """
+
+    vertices: np.ndarray
+    faces: np.ndarray
+    normals: np.ndarray | None = None
+    uv: np.ndarray | None = None
+    texture_index: np.ndarray | None = None
+
+    @property
+    def center(self) -> np.ndarray:
+        """The middle of the bounding box, (3,) float64: the origin of all directions to lights."""
+        return (self.vertices.min(0) + self.vertices.max(0)) / 2
+
+    @property
+    def radius(self) -> float:
+        """Half the diagonal of the bounding box: the unit of all thresholds on distance."""
+        return float(np.linalg.norm(np.ptp(self.vertices, axis=0)) / 2)
+
+    def vertex_normals(self) -> np.ndarray:
+        """The file's normals, or the area-weighted mean of the faces' around; (V, 3) float64, unit.
+
+        A vertex without any area around it gets a zero vector: no view direction faces it.
+        """
+        if self.normals is not None:
+            return _unit(self.normals)
+        corners = self.vertices[self.faces]
+        area = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        total = np.zeros_like(self.vertices)
+        for corner in range(3):
+            np.add.at(total, self.faces[:, corner], area)
+        return _unit(total)
+
+    def transformed(self, matrix: np.ndarray) -> Mesh:
+        """The mesh after an affine (4, 4) matrix, normals by the inverse transpose."""
+        linear = matrix[:3, :3]
+        normals = None if self.normals is None else _unit(self.normals @ np.linalg.inv(linear))
+        return replace(self, vertices=self.vertices @ linear.T + matrix[:3, 3], normals=normals)
+
+
+def _unit(vectors: np.ndarray) -> np.ndarray:
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return np.divide(vectors, length, out=np.zeros_like(vectors), where=length > 0)
