@@ -1,0 +1,123 @@
+"""Texels: one for each pixel centre of the texture images that lies inside a triangle (method 0)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from .mesh import Mesh
+
+
+@dataclass(frozen=True)
+class Texels:
+    """T texels, ordered so that neighbours in memory are neighbours on the surface.
+
+    position : (T, 3) float32, about `center`; normal : (T, 3) float32, unit
+    face : (T,) int32; barycentric : (T, 3) float32
+    texture : (T,) uint8; row, col : (T,) int32 in that texture's image (row 0 is v = 1)
+    center : (3,) float64, world; radius : half the diagonal of the mesh's bounding box
+    sizes : (height, width) of each texture image
+    """
+
+    position: np.ndarray
+    normal: np.ndarray
+    face: np.ndarray
+    barycentric: np.ndarray
+    texture: np.ndarray
+    row: np.ndarray
+    col: np.ndarray
+    center: np.ndarray
+    radius: float
+    sizes: tuple[tuple[int, int], ...]
+
+    def __len__(self) -> int:
+        return len(self.face)
+
+    def to_images(self, values: np.ndarray, fill=np.nan) -> list[np.ndarray]:
+        """Per-texel values (T,) or (T, C) as one image per texture, `fill` outside the charts."""
+        images = [np.full((*size, *values.shape[1:]), fill, values.dtype) for size in self.sizes]
+        for index, image in enumerate(images):
+            here = self.texture == index
+            image[self.row[here], self.col[here]] = values[here]
+        return images
+
+
+@njit(cache=True, nogil=True)
+def _cover(corners, faces, owner, barycentric):
+    """Give each pixel centre to the first face over it; `corners` in pixels, (F, 3, 2) float64."""
+    height, width = owner.shape
+    for k in range(len(faces)):
+        f = faces[k]
+        ax, ay, bx, by, cx, cy = (
+            corners[f, 0, 0], corners[f, 0, 1], corners[f, 1, 0],
+            corners[f, 1, 1], corners[f, 2, 0], corners[f, 2, 1],
+        )  # fmt: skip
+        area = (bx - ax) * (cy - ay) - (cx - ax) * (by - ay)
+        if not abs(area) > 0.0:
+            continue
+        top, bottom = max(0, int(np.ceil(min(ay, by, cy)))), min(height - 1, int(np.floor(max(ay, by, cy))))
+        left, right = max(0, int(np.ceil(min(ax, bx, cx)))), min(width - 1, int(np.floor(max(ax, bx, cx))))
+        for row in range(top, bottom + 1):
+            for col in range(left, right + 1):
+                u = ((cx - bx) * (row - by) - (col - bx) * (cy - by)) / area
+                v = ((ax - cx) * (row - cy) - (col - cx) * (ay - cy)) / area
+                w = 1.0 - u - v
+                if u >= 0.0 and v >= 0.0 and w >= 0.0 and owner[row, col] < 0:
+                    owner[row, col] = f
+                    barycentric[row, col, 0], barycentric[row, col, 1], barycentric[row, col, 2] = u, v, w
+
+
+def _morton(position: np.ndarray) -> np.ndarray:
+    """Interleaved 10-bit codes of positions (T, 3): a walk along which neighbours stay near."""
+    low, extent = position.min(0), max(float(np.ptp(position, axis=0).max()), 1e-30)
+    code = np.zeros(len(position), np.uint32)
+    for axis in range(3):
+        x = ((position[:, axis] - low[axis]) / extent * 1023).astype(np.uint32)
+        for shift, mask in ((16, 0x030000FF), (8, 0x0300F00F), (4, 0x030C30C3), (2, 0x09249249)):
+            x = (x | (x << np.uint32(shift))) & np.uint32(mask)
+        code |= x << np.uint32(axis)
+    return code
+
+
+def rasterise_texels(mesh: Mesh, sizes: tuple[tuple[int, int], ...]) -> Texels:
+    """Rasterise the UV charts of `mesh` into texture images of the given (height, width) sizes.
+
+    Where charts overlap the first face wins (geometry/uv_checks tells how much of that there is).
+    Texel normals are the vertex normals interpolated; on a vertex without one, the face's.
+    """
+    if mesh.uv is None:
+        raise ValueError("the mesh has no texture coordinates: parametrise it first")
+    texture_index = np.zeros(len(mesh.faces), np.int32) if mesh.texture_index is None else mesh.texture_index
+    parts = []
+    for index, (height, width) in enumerate(sizes):
+        corners = np.stack([mesh.uv[..., 0] * width - 0.5, (1 - mesh.uv[..., 1]) * height - 0.5], -1)
+        owner = np.full((height, width), -1, np.int32)
+        barycentric = np.zeros((height, width, 3), np.float32)
+        usable = np.flatnonzero((texture_index == index) & np.isfinite(corners).all((1, 2)))
+        _cover(np.ascontiguousarray(corners), usable, owner, barycentric)
+        row, col = np.nonzero(owner >= 0)
+        parts.append((owner[row, col], barycentric[row, col], np.full(len(row), index, np.uint8), row, col))
+    face, barycentric, texture, row, col = (np.concatenate(part) for part in zip(*parts, strict=True))
+
+    center = mesh.center
+    corners = mesh.faces[face]
+    position = np.einsum("tc,tcd->td", barycentric, (mesh.vertices - center).astype(np.float32)[corners])
+    normal = np.einsum("tc,tcd->td", barycentric, mesh.vertex_normals().astype(np.float32)[corners])
+    normal = _unit_or_face(normal, mesh, face)
+    order = np.argsort(_morton(position), kind="stable") if len(face) else np.arange(0)
+    return Texels(
+        np.ascontiguousarray(position[order]), np.ascontiguousarray(normal[order]),
+        face[order], barycentric[order], texture[order],
+        row[order].astype(np.int32), col[order].astype(np.int32), center, mesh.radius, tuple(sizes),
+    )  # fmt: skip
+
+
+def _unit_or_face(normal: np.ndarray, mesh: Mesh, face: np.ndarray) -> np.ndarray:
+    length = np.linalg.norm(normal, axis=1)
+    lost = np.flatnonzero(length < 1e-6)
+    a, b, c = (mesh.vertices[mesh.faces[face[lost], i]] for i in range(3))
+    normal[lost] = np.cross(b - a, c - a)
+    length[lost] = np.linalg.norm(normal[lost], axis=1)
+    return normal / np.maximum(length, 1e-30)[:, None]
