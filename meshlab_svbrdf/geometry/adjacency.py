@@ -1,0 +1,153 @@
+"""Which texels touch on the surface, whatever the charts of the texture cut apart.
+
+neighbours   the graph as CSR          components   its connected parts
+spacing      how far texels are apart  thin         a subset that covers the surface evenly
+"""
+
+from __future__ import annotations
+
+import numba as nb
+import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+# Generally don't change these: a square grid has its diagonal at 1.4 spacings and a seam between
+# two charts puts a texel at most about 2 away; k = 8 is a square's ring.
+NEIGHBOURS = 8
+REACH = 2.5
+
+# A texel far from all others must not call its loneliness the local spacing.
+COARSEST_CHART = 8.0
+
+
+def neighbours(
+    position: np.ndarray, normal: np.ndarray, *, k: int = NEIGHBOURS, reach: float = REACH
+) -> tuple[np.ndarray, np.ndarray]:
+    """The k nearest texels that lie on the same side of the surface, made symmetric.
+
+    Two texels touch when one is among the other's k nearest, no farther than `reach` local
+    spacings, and their normals agree (n·n > 0: the two sides of a thin sheet stay apart).
+
+    Parameters
+    ----------
+    position : (T, 3) float, any unit; finite
+    normal : (T, 3) float, unit vectors
+    k : neighbours asked for; more bridge wider seams and cost time
+    reach : largest distance, in local texel spacings (see `spacing`)
+
+    Returns
+    -------
+    indptr : (T + 1,) int64
+    indices : (E,) int32; texel i touches indices[indptr[i]:indptr[i + 1]], each edge both ways
+    """
+    texels = len(position)
+    k = min(k, texels - 1)
+    if k < 1:
+        return np.zeros(texels + 1, np.int64), np.zeros(0, np.int32)
+    distance, index = _nearest(position, k)
+    limit = reach * _local_spacing(distance)
+    return _symmetrise(distance, index, limit, np.ascontiguousarray(normal, np.float32))
+
+
+def spacing(position: np.ndarray) -> float:
+    """The distance between neighbouring texels: the median of the fourth nearest; 0 for one texel.
+
+    position : (T, 3) float; of more than 20000 texels every n-th is asked.
+    """
+    k = min(4, len(position) - 1)
+    if k < 1:
+        return 0.0
+    asked = position[:: 1 + len(position) // 20000]
+    distance, _ = _tree(position).query(asked, k=[k + 1], workers=-1)
+    return float(np.median(distance))
+
+
+def components(indptr: np.ndarray, indices: np.ndarray, keep: np.ndarray) -> np.ndarray:
+    """Connected parts of the graph among the texels of `keep` (T,) bool.
+
+    Returns (T,) int32: the part's number from 0, −1 outside `keep`.
+    """
+    chosen = np.flatnonzero(keep)
+    part = np.full(len(keep), -1, np.int32)
+    graph = csr_array((np.ones(len(indices), np.int8), indices, indptr), shape=(len(keep),) * 2)
+    part[chosen] = connected_components(graph[chosen][:, chosen], directed=False)[1]
+    return part
+
+
+def thin(position: np.ndarray, normal: np.ndarray, count: int) -> np.ndarray:
+    """About `count` texels spread evenly over the surface, at most one per cell of a grid and side.
+
+    position, normal : (T, 3); the side is the octant of the normal, so that thin sheets keep both.
+    Returns the chosen texels' indices, ascending int64; all of them when there are no more.
+    """
+    if len(position) <= count:
+        return np.arange(len(position))
+    octant = (normal > 0) @ np.array([1, 2, 4])
+
+    # Occupied cells go with the inverse square of their size
+    cell = spacing(position) * np.sqrt(len(position) / count)
+    for _ in range(4):
+        grid = np.floor((position - position.min(0)) / cell).astype(np.int64)
+        extent = grid.max(0) + 1
+        key = ((grid[:, 0] * extent[1] + grid[:, 1]) * extent[2] + grid[:, 2]) * 8 + octant
+        chosen = np.unique(key, return_index=True)[1]
+        cell *= np.sqrt(len(chosen) / count)
+    return np.sort(chosen)
+
+
+def _tree(position: np.ndarray) -> cKDTree:
+    return cKDTree(position, balanced_tree=False, compact_nodes=False)
+
+
+def _nearest(position: np.ndarray, k: int) -> tuple[np.ndarray, np.ndarray]:
+    """Distances (T, k + 1) float32 and indices (T, k + 1) int32, the texel itself among them."""
+    distance, index = _tree(position).query(position, k=k + 1, workers=-1)
+    return distance.astype(np.float32), index.astype(np.int32)
+
+
+def _local_spacing(distance: np.ndarray) -> np.ndarray:
+    """Distance to the fourth nearest, where a square grid has its last direct neighbour; (T,)."""
+    fourth = distance[:, min(4, distance.shape[1] - 1)]
+    return np.minimum(fourth, COARSEST_CHART * np.median(fourth))
+
+
+@nb.njit(cache=True, nogil=True)
+def _symmetrise(distance, index, limit, normal):
+    texels, columns = index.shape
+    touches = np.zeros((texels, columns), np.bool_)
+    for i in range(texels):
+        for c in range(columns):
+            j = index[i, c]
+            if j != i and distance[i, c] <= limit[i]:
+                facing = 0.0
+                for axis in range(3):
+                    facing += normal[i, axis] * normal[j, axis]
+                touches[i, c] = facing > 0
+
+    # Count, then fill: own neighbours, and the mirror of an edge that the other end did not find
+    indptr = np.zeros(texels + 1, np.int64)
+    indices = np.empty(0, np.int32)
+    cursor = np.zeros(texels, np.int64)
+    for fill in range(2):
+        if fill == 1:
+            indptr[1:] = np.cumsum(cursor)
+            indices = np.empty(indptr[texels], np.int32)
+            cursor[:] = indptr[:-1]
+        for i in range(texels):
+            for c in range(columns):
+                if not touches[i, c]:
+                    continue
+                j = index[i, c]
+                mutual = False
+                for other in range(columns):
+                    if index[j, other] == i and touches[j, other]:
+                        mutual = True
+                if fill == 1:
+                    indices[cursor[i]] = j
+                cursor[i] += 1
+                if not mutual:
+                    if fill == 1:
+                        indices[cursor[j]] = i
+                    cursor[j] += 1
+    return indptr, indices

@@ -1,0 +1,173 @@
+"""Materials: areas of a perceived uniform diffuse colour, found automatically (paper §7.3).
+
+Seeds lie where the diffuse colour is most uniform; a region grows from each while the CIE Lab
+distance to the region's mean stays below the user's threshold; regions of like colour are one
+material wherever they lie.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial import cKDTree
+from skimage.color import xyz2lab
+from skimage.color.colorconv import xyz_from_rgb
+
+from meshlab_svbrdf.errors import SvbrdfError
+from meshlab_svbrdf.geometry.adjacency import neighbours, thin
+from meshlab_svbrdf.reflectance import regions
+
+# Shading changes lightness and hardly hue: irradiance over a convex object under lamps varies
+# about eightfold, 30..45 in L*, and a quarter of that stays below the threshold on either side.
+LIGHTNESS_WEIGHT = 0.25
+THRESHOLD = 10.0
+MINIMUM_SHARE = 0.005
+
+# Generally don't change these: a region of a hundredth of the smallest material is a speck.
+SPECKS = 100
+SMOOTHING_ROUNDS = 2
+SETTLING_ROUNDS = 3
+
+# Below this L* the cube root of CIE Lab is a straight line, and chroma there is mostly noise.
+DARKEST = 8.0
+MIDDLE = 50.0
+
+
+def color_space(diffuse: np.ndarray, lightness_weight: float = LIGHTNESS_WEIGHT) -> np.ndarray:
+    """CIE Lab (D65) of a *shaded* diffuse colour, made less sensitive to the shading.
+
+    Shading by a factor s takes (L* + 16, a*, b*) to s^⅓ times themselves: a*/(L* + 16) stays. So
+    a* and b* are brought to L* = 50 and L* is weighted down:
+    (w L*, a* g, b* g) with g = (66/(L* + 16))^(1 − w).
+
+    Parameters
+    ----------
+    diffuse : (T, 3) float, linear RGB in 0..100
+    lightness_weight : w in [0, 1]; 1 is CIE Lab as it is (the paper), 0 ignores lightness
+        altogether. Raise it for grey objects, whose materials differ in nothing else.
+
+    Returns
+    -------
+    (T, 3) float32; NaN where any channel of `diffuse` is not finite.
+    """
+    observed = np.isfinite(diffuse).all(1)
+    space = np.full((len(diffuse), 3), np.nan, np.float32)
+    linear = np.maximum(diffuse[observed], 0).astype(np.float64) / 100
+    lab = xyz2lab(linear @ xyz_from_rgb.T)
+    gain = ((MIDDLE + 16) / (np.maximum(lab[:, :1], DARKEST) + 16)) ** (1 - lightness_weight)
+    space[observed] = np.concatenate([lightness_weight * lab[:, :1], lab[:, 1:] * gain], axis=1)
+    return space
+
+
+def segment(
+    diffuse: np.ndarray,
+    adjacency: tuple[np.ndarray, np.ndarray],
+    *,
+    threshold: float = THRESHOLD,
+    lightness_weight: float = LIGHTNESS_WEIGHT,
+    minimum_share: float = MINIMUM_SHARE,
+    join: bool = True,
+) -> np.ndarray:
+    """Label every observed texel with a material.
+
+    Parameters
+    ----------
+    diffuse : (T, 3) float, linear RGB in 0..100, NaN where unobserved
+    adjacency : (indptr, indices), see `geometry.adjacency.neighbours`
+    threshold : largest distance of a colour to its region's mean, in units of CIE Lab after
+        `color_space`. 10 tells skin from hair and keeps a stained bronze together; halve it when
+        two materials share a label, raise it when one is in pieces. Too many materials do less
+        harm than too few: each is estimated by itself.
+    lightness_weight : see `color_space`
+    minimum_share : materials with a smaller share of the observed texels are dissolved into their
+        neighbours: too few texels to see a highlight on
+    join : whether regions of like colour are one material wherever they lie; False gives one
+        label per connected region
+
+    Returns
+    -------
+    (T,) int32, materials from 0 by falling size; −1 where unobserved, and on islands of unlike
+    colour that no region reaches.
+
+    Source: Palma et al. 2012, §7.3. Distances use shading-tolerant Lab; the paper's are those of
+    `lightness_weight=1`.
+    """
+    if not 0 < threshold < np.inf:
+        raise SvbrdfError(f"threshold must be a positive Lab distance, not {threshold}")
+    if not 0 <= lightness_weight <= 1:
+        raise SvbrdfError(f"lightness_weight must lie in 0..1, not {lightness_weight}")
+    if not 0 <= minimum_share < 1:
+        raise SvbrdfError(f"minimum_share must lie in 0..1 (1 excluded), not {minimum_share}")
+    colors = color_space(diffuse, lightness_weight)
+    observed = np.isfinite(colors[:, 0])
+    if not observed.any():
+        return np.full(len(diffuse), -1, np.int32)
+
+    # Take the noise off, keep the edges
+    for _ in range(SMOOTHING_ROUNDS):
+        colors, spread = regions.smooth(colors, *adjacency, threshold)
+
+    # Seed where the colour is most uniform
+    uniform = spread <= max(threshold / 2, float(np.median(spread[observed])))
+    seeds = np.argsort(spread, kind="stable")[: np.count_nonzero(uniform)]
+    labels = regions.grow(colors, *adjacency, seeds, threshold)
+
+    # Dissolve specks, join like colours, dissolve what is still small
+    smallest = minimum_share * np.count_nonzero(observed)
+    labels = _keep_largest(labels, smallest / SPECKS if join else smallest)
+    if join:
+        labels = _keep_largest(_join(labels, colors, threshold), smallest)
+    means = _means(labels, colors)[0]
+    regions.fill(colors, *adjacency, labels, means)
+    _claim_islands(labels, colors, means, observed)
+
+    # Let texels at the borders go to the nearest colour
+    for _ in range(SETTLING_ROUNDS):
+        labels = regions.settle(colors, *adjacency, labels, _means(labels, colors)[0])
+    return _keep_largest(labels, 0)
+
+
+def _means(labels: np.ndarray, colors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Mean colours (M, 3) float64 and texel counts (M,) int64 of the labels."""
+    inside = labels >= 0
+    count = np.bincount(labels[inside])
+    sums = [np.bincount(labels[inside], colors[inside, axis]) for axis in range(3)]
+    return np.stack(sums, 1) / np.maximum(count, 1)[:, None], count
+
+
+def _keep_largest(labels: np.ndarray, smallest: float) -> np.ndarray:
+    """Labels numbered by falling size; those of fewer than `smallest` texels become −1.
+
+    The largest always stays.
+    """
+    count = np.bincount(labels[labels >= 0])
+    order = np.argsort(-count, kind="stable")
+    kept = order[: max(1, np.count_nonzero(count >= max(smallest, 1)))]
+    number = np.full(len(count) + 1, -1, np.int32)
+    number[kept] = np.arange(len(kept))
+    return number[labels]
+
+
+def _join(labels: np.ndarray, colors: np.ndarray, threshold: float) -> np.ndarray:
+    """One label for all regions, in falling size, whose mean is nearer than `threshold`."""
+    means, count = _means(labels, colors)
+    joined = np.empty(len(count) + 1, np.int32)
+    joined[-1] = -1
+    centers = np.empty_like(means)
+    weights = np.zeros(len(count))
+    found = 0
+    for region, (mean, size) in enumerate(zip(means, count, strict=True)):
+        distance = np.linalg.norm(centers[:found] - mean, axis=1)
+        material = int(np.argmin(distance)) if found else 0
+        if not found or distance[material] >= threshold:
+            material, found = found, found + 1
+            centers[material] = 0
+        weights[material] += size
+        centers[material] += (mean - centers[material]) * size / weights[material]
+        joined[region] = material
+    return joined[labels]
+
+
+def _claim_islands(labels, colors, means, observed) -> None:
+    """Texels on islands that no region reaches take the nearest mean of all, in place."""
+    island = observed & (labels < 0)
+    labels[island] = cKDTree(means).query(colors[island])[1]

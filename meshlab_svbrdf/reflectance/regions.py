@@ -1,0 +1,160 @@
+"""Region growing over a graph of texels, in an order that no numbering of the texels can change.
+
+colors : (T, 3) float32, a colour per texel in a space where Euclidean distance is what matters;
+NaN where unobserved. indptr, indices : the graph as CSR (see geometry.adjacency).
+"""
+
+from __future__ import annotations
+
+import numba as nb
+import numpy as np
+
+
+@nb.njit(cache=True, nogil=True)
+def smooth(colors, indptr, indices, reach):
+    """Mean of a texel and those neighbours whose colour is nearer than `reach`, and their spread.
+
+    Returns (T, 3) float32 means, which keep edges that are higher than `reach`, and (T,) float32
+    root mean square distance of *all* neighbours from the texel (inf where unobserved).
+    """
+    mean = np.full_like(colors, np.nan)
+    spread = np.full(len(colors), np.inf, np.float32)
+    for i in range(len(colors)):
+        if np.isnan(colors[i, 0]):
+            continue
+        sums = colors[i].astype(np.float64)
+        near, seen, square = 1, 0, 0.0
+        for e in range(indptr[i], indptr[i + 1]):
+            j = indices[e]
+            if np.isnan(colors[j, 0]):
+                continue
+            d2 = _distance2(colors[i], colors[j])
+            seen += 1
+            square += d2
+            if d2 < reach * reach:
+                near += 1
+                for axis in range(3):
+                    sums[axis] += colors[j, axis]
+        for axis in range(3):
+            mean[i, axis] = sums[axis] / near
+        spread[i] = np.sqrt(square / max(seen, 1))
+    return mean, spread
+
+
+@nb.njit(cache=True, nogil=True)
+def grow(colors, indptr, indices, seeds, threshold):
+    """Grow a region from each seed in turn over the texels that no region before it took.
+
+    A texel joins when its colour is nearer than `threshold` to the region's mean. The mean moves
+    after each ring of texels, not within it: the order inside a ring does not matter.
+    seeds : (S,) int64, best first. Returns (T,) int32 regions from 0, −1 where none came.
+    """
+    region = np.full(len(colors), -1, np.int32)
+    asked = np.full(len(colors), -1, np.int32)
+    ring = np.empty(len(colors), np.int64)
+    count = 0
+    for seed in seeds:
+        if region[seed] >= 0:
+            continue
+        sums = np.zeros(3)
+        mean = colors[seed].astype(np.float64)
+        members = 1
+        ring[0] = seed
+        region[seed] = count
+        asked[seed] = count
+        first = 0
+        while first < members:
+            last = members
+            for position in range(first, last):
+                for axis in range(3):
+                    sums[axis] += colors[ring[position], axis]
+            for axis in range(3):
+                mean[axis] = sums[axis] / members
+            for position in range(first, last):
+                i = ring[position]
+                for e in range(indptr[i], indptr[i + 1]):
+                    j = indices[e]
+                    if region[j] >= 0 or asked[j] == count or np.isnan(colors[j, 0]):
+                        continue
+                    asked[j] = count
+                    if _distance2(colors[j], mean) < threshold * threshold:
+                        region[j] = count
+                        ring[members] = j
+                        members += 1
+            first = last
+        count += 1
+    return region
+
+
+@nb.njit(cache=True, nogil=True)
+def fill(colors, indptr, indices, labels, means):
+    """Give texels without a label the neighbouring label of nearest mean, ring by ring.
+
+    labels : (T,) int32, changed in place; means : (M, 3) float64. Unobserved texels, and islands
+    without any labelled texel, keep −1.
+    """
+    wave = np.empty(len(labels), np.int64)
+    queued = labels >= 0
+    size = 0
+    for i in range(len(labels)):
+        if labels[i] < 0 and not np.isnan(colors[i, 0]) and _touches(i, indptr, indices, labels):
+            wave[size] = i
+            queued[i] = True
+            size += 1
+    chosen = np.empty(len(labels), np.int32)
+    first = 0
+    while first < size:
+        last = size
+        for position in range(first, last):
+            i = wave[position]
+            chosen[position] = _nearest_around(i, colors, indptr, indices, labels, means)
+        for position in range(first, last):
+            labels[wave[position]] = chosen[position]
+        for position in range(first, last):
+            i = wave[position]
+            for e in range(indptr[i], indptr[i + 1]):
+                j = indices[e]
+                if not queued[j] and not np.isnan(colors[j, 0]):
+                    queued[j] = True
+                    wave[size] = j
+                    size += 1
+        first = last
+
+
+@nb.njit(cache=True, nogil=True)
+def settle(colors, indptr, indices, labels, means):
+    """Labels after every texel took the nearest mean among its own and its neighbours' labels."""
+    settled = labels.copy()
+    for i in range(len(labels)):
+        if labels[i] >= 0:
+            settled[i] = _nearest_around(i, colors, indptr, indices, labels, means)
+    return settled
+
+
+@nb.njit(cache=True, nogil=True)
+def _nearest_around(i, colors, indptr, indices, labels, means):
+    best = labels[i]
+    least = np.inf
+    if best >= 0:
+        least = _distance2(colors[i], means[best])
+    for e in range(indptr[i], indptr[i + 1]):
+        label = labels[indices[e]]
+        if label >= 0 and label != best:
+            d2 = _distance2(colors[i], means[label])
+            if d2 < least:
+                least = d2
+                best = label
+    return best
+
+
+@nb.njit(cache=True, nogil=True)
+def _touches(i, indptr, indices, labels):
+    for e in range(indptr[i], indptr[i + 1]):
+        if labels[indices[e]] >= 0:
+            return True
+    return False
+
+
+@nb.njit(cache=True, nogil=True, inline="always")
+def _distance2(a, b):
+    return (a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2
