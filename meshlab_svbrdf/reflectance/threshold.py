@@ -1,0 +1,75 @@
+"""The luminance threshold that parts diffuse from specular samples (paper §5)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from ..samples.observations import Observations, color, sample_luminance, sample_quality
+
+MINIMUM_SAMPLES = 8
+"""Texels with fewer samples are unobserved."""
+
+
+@dataclass(frozen=True)
+class LuminanceStatistics:
+    """Per texel, (T,) float32, luminance 0..100; NaN where unobserved.
+
+    threshold : μ + mean |Y − μ|, an upper bound of the median
+    mean, minimum : of the luminance
+    color : (T, 3), the mean colour, linear 0..100
+    samples : (T,) int32, how many samples were good enough
+    """
+
+    threshold: np.ndarray
+    mean: np.ndarray
+    minimum: np.ndarray
+    color: np.ndarray
+    samples: np.ndarray
+
+    @property
+    def observed(self) -> np.ndarray:
+        return np.isfinite(self.threshold)
+
+
+@njit(cache=True, nogil=True)
+def _threshold(block, view, minimum_quality, least, threshold, mean, minimum, rgb, samples):
+    for i in range(block.stop - block.first):
+        first, stop = block.offsets[i], block.offsets[i + 1]
+        total, red, green, blue, low, n = 0.0, 0.0, 0.0, 0.0, np.inf, 0
+        for j in range(first, stop):
+            if sample_quality(block, j) >= minimum_quality:
+                r, g, b = color(block, view, j)
+                y = sample_luminance(block, view, j)
+                total, red, green, blue, low, n = total + y, red + r, green + g, blue + b, min(low, y), n + 1
+        t = block.first + i
+        samples[t] = n
+        if n < least:
+            continue
+        mu, deviation = total / n, 0.0
+        for j in range(first, stop):
+            if sample_quality(block, j) >= minimum_quality:
+                deviation += abs(sample_luminance(block, view, j) - mu)
+        threshold[t], mean[t], minimum[t] = mu + deviation / n, mu, low
+        rgb[t, 0], rgb[t, 1], rgb[t, 2] = red / n, green / n, blue / n
+
+
+def luminance_threshold(
+    observations: Observations, minimum_quality: float = 0.1, progress=lambda done, total: None
+) -> LuminanceStatistics:
+    """Per texel t = μ + mean |Y − μ| over the samples with quality ≥ `minimum_quality` (paper §5).
+
+    Since |μ − m| ≤ E|X − m| ≤ E|X − μ|, t bounds the median m from above.
+    """
+    count = len(observations.texels)
+    threshold, mean, minimum = (np.full(count, np.nan, np.float32) for _ in range(3))
+    rgb, samples = np.full((count, 3), np.nan, np.float32), np.zeros(count, np.int32)
+    cut = np.float32(np.floor(minimum_quality * 127) / 127)
+
+    def work(block):
+        _threshold(block, observations.view, cut, MINIMUM_SAMPLES, threshold, mean, minimum, rgb, samples)
+
+    observations.store.map(work, progress)
+    return LuminanceStatistics(threshold, mean, minimum, rgb, samples)

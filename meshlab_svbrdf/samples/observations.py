@@ -1,0 +1,151 @@
+"""What every stage after the capture reads: the samples, and the geometry they were taken in."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from ..geometry.camera import Camera
+from ..geometry.harmonics import evaluate
+from ..geometry.texels import Texels
+from .luminance import decode
+from .store import SampleStore
+
+
+class View(NamedTuple):
+    """The arrays that kernels read, as one argument.
+
+    position, normal : (T, 3) float32 about the centre; face : (T,) int32; barycentric : (T, 3) float32
+    eyes : (F, 3) float32, where each frame's camera stands, about the centre
+    scale : (F, 3) float32, linear 0..1 of a frame's channel to 0..100 of the median exposure
+    faces : (M, 3) int32; coefficients : (V, 36) float32 of the visibility, or (0, 36): all visible
+    linear : (256,) float32, sRGB code to linear 0..1
+    """
+
+    position: np.ndarray
+    normal: np.ndarray
+    face: np.ndarray
+    barycentric: np.ndarray
+    eyes: np.ndarray
+    scale: np.ndarray
+    faces: np.ndarray
+    coefficients: np.ndarray
+    linear: np.ndarray
+
+
+@dataclass(frozen=True)
+class Observations:
+    """The sample store with all that is needed to interpret it.
+
+    sequence : (F,) int32, which film a frame belongs to; order : (F,) int32, its place in the film:
+    frames whose places differ by one are neighbours in time, a gap is a frame that was left out
+    """
+
+    texels: Texels
+    store: SampleStore
+    view: View
+    sequence: np.ndarray
+    order: np.ndarray
+
+
+def observe(
+    texels: Texels,
+    store: SampleStore,
+    cameras: list[Camera],
+    faces: np.ndarray,
+    *,
+    gains: np.ndarray | None = None,
+    coefficients: np.ndarray | None = None,
+    sequence: np.ndarray | None = None,
+    order: np.ndarray | None = None,
+) -> Observations:
+    """Bundle a store with its geometry.
+
+    Parameters
+    ----------
+    cameras : one per frame of the store, world coordinates
+    faces : (M, 3) int32 of the mesh
+    gains : (F,) or (F, 3) relative brightness of each frame (exposure, white balance); the samples
+        are divided by it. Normalise to the median frame so that thresholds keep their meaning.
+    coefficients : (V, 36) visibility in spherical harmonics, or None where nothing shadows anything
+    """
+    count = len(cameras)
+    gain = np.ones((count, 3)) if gains is None else np.broadcast_to(np.asarray(gains, float).reshape(count, -1), (count, 3))
+    if not (np.isfinite(gain).all() and (gain > 0).all()):
+        raise ValueError("gains: expected positive numbers")
+    view = View(
+        np.array(texels.position, np.float32), np.array(texels.normal, np.float32),
+        np.array(texels.face, np.int32), np.array(texels.barycentric, np.float32),
+        np.array([c.center - texels.center for c in cameras], np.float32).reshape(count, 3),
+        np.ascontiguousarray(100.0 / gain, np.float32),
+        np.array(faces, np.int32),
+        np.zeros((0, 36), np.float32) if coefficients is None else np.array(coefficients, np.float32),
+        decode(np.arange(256) / 255).astype(np.float32),
+    )  # fmt: skip
+    return Observations(
+        texels, store, view,
+        np.zeros(count, np.int32) if sequence is None else np.asarray(sequence, np.int32),
+        np.arange(count, dtype=np.int32) if order is None else np.asarray(order, np.int32),
+    )  # fmt: skip
+
+
+@njit(cache=True, nogil=True)
+def color(block, view, j):
+    """Sample j's linear RGB, 0..100 of the median exposure."""
+    f = block.frame[j]
+    return (
+        view.linear[block.rgb[j, 0]] * view.scale[f, 0],
+        view.linear[block.rgb[j, 1]] * view.scale[f, 1],
+        view.linear[block.rgb[j, 2]] * view.scale[f, 2],
+    )
+
+
+@njit(cache=True, nogil=True)
+def sample_luminance(block, view, j):
+    """Sample j's linear Y (Rec. 709), 0..100 of the median exposure."""
+    r, g, b = color(block, view, j)
+    return np.float32(0.2126) * r + np.float32(0.7152) * g + np.float32(0.0722) * b
+
+
+@njit(cache=True, nogil=True)
+def sample_quality(block, j):
+    """Sample j's quality in 0..1, without the clipping bit."""
+    return np.float32(block.quality[j] & 127) / np.float32(127)
+
+
+@njit(cache=True, nogil=True)
+def mirror_direction(view, i, f):
+    """r = 2 (n·v) n − v of texel i seen from frame f; unit."""
+    vx, vy, vz = (
+        view.eyes[f, 0] - view.position[i, 0],
+        view.eyes[f, 1] - view.position[i, 1],
+        view.eyes[f, 2] - view.position[i, 2],
+    )
+    scale = np.float32(1) / np.sqrt(vx * vx + vy * vy + vz * vz)
+    vx, vy, vz = vx * scale, vy * scale, vz * scale
+    nx, ny, nz = view.normal[i, 0], view.normal[i, 1], view.normal[i, 2]
+    twice = np.float32(2) * (nx * vx + ny * vy + nz * vz)
+    return twice * nx - vx, twice * ny - vy, twice * nz - vz
+
+
+@njit(cache=True, nogil=True)
+def fill_visibility(view, i, out):
+    """Texel i's 36 visibility coefficients to `out`; False where all is visible."""
+    if view.coefficients.shape[0] == 0:
+        return False
+    a, b, c = view.faces[view.face[i], 0], view.faces[view.face[i], 1], view.faces[view.face[i], 2]
+    u, v, w = view.barycentric[i, 0], view.barycentric[i, 1], view.barycentric[i, 2]
+    for k in range(36):
+        out[k] = u * view.coefficients[a, k] + v * view.coefficients[b, k] + w * view.coefficients[c, k]
+    return True
+
+
+@njit(cache=True, nogil=True)
+def visibility(has, coefficients, x, y, z):
+    """Remapped visibility clip((V − .25) / .5, 0, 1) along a direction above the horizon."""
+    if not has:
+        return np.float32(1)
+    return np.float32(min(max((evaluate(coefficients, x, y, z) - 0.25) * 2.0, 0.0), 1.0))
