@@ -1,10 +1,10 @@
-"""Real spherical harmonics of the first six bands: the basis of visibility (Palma et al. 2012, §3.1).
+"""Real spherical harmonics of six bands: the basis of visibility (Palma et al. 2012, §3.1).
 
-Convention: pole along +z, azimuth from +x towards +y, coefficient l(l + 1) + m, and no Condon-Shortley
-phase, so that band 1 is √(3/4π)·(y, z, x). In terms of the complex harmonics of
-`scipy.special.sph_harm_y(l, m, theta, phi)` (theta the polar angle, with the phase):
+Convention: pole along +z, azimuth from +x towards +y, coefficient l(l + 1) + m, and no
+Condon-Shortley phase, so that band 1 is √(3/4π)·(y, z, x). In terms of the complex harmonics Y of
+`scipy.special.sph_harm_y(l, m, theta, phi)` (theta the polar angle; with the phase), for m > 0:
 
-    Y_l0 = sph_harm_y(l, 0),   Y_lm = √2 (−1)^m Re sph_harm_y(l, m),   Y_l,−m = √2 (−1)^m Im sph_harm_y(l, m)
+    Y_l0 = Y(l, 0),   Y_lm = √2 (−1)^m Re Y(l, m),   Y_l,−m = √2 (−1)^m Im Y(l, m)
 
 Every harmonic is a polynomial: Y_l,±m = P_lm(z) · {C_m, S_m}(x, y), C_m + i S_m = (x + i y)^m.
 """

@@ -1,0 +1,227 @@
+"""What a surface point can see: rays on the mesh, and harmonics per vertex (Palma et al., §3.1).
+
+V(ω) is 1 where ω lies in the upper hemisphere of the point (n·ω > 0) and no surface is in the way,
+from whichever side; else 0. Six bands of harmonics ring around such a step, so values that come out
+of them go through `remap` before they are used.
+
+A nearly convex object needs none of this: where `needs_visibility` says no, the coefficients are
+left out (None) and V = [n·ω > 0] everywhere.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+from embreex.mesh_construction import TriangleMesh
+from embreex.rtcore_scene import EmbreeScene
+from numba import njit
+
+from .harmonics import BANDS, COEFFICIENTS, basis
+from .mesh import Mesh
+
+# How far a ray starts off the surface, in radii. At a vertex only rounding is to be escaped. Inside
+# a face the interpolated normal sees a little below the face's plane, which must not shadow itself.
+VERTEX_OFFSET = 1e-4
+POINT_OFFSET = 1e-3
+
+NEARLY_CONVEX = 0.01
+
+
+class Rays:
+    """A mesh to shoot rays at, in float32 about its centre; safe to use from several threads."""
+
+    def __init__(self, mesh: Mesh) -> None:
+        self.center, self.radius = mesh.center, mesh.radius
+        self.scene = EmbreeScene(robust=True)
+        TriangleMesh(
+            self.scene,
+            (mesh.vertices - self.center).astype(np.float32),
+            np.ascontiguousarray(mesh.faces, dtype=np.int32),
+        )
+        self.scene.run(np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32))  # build it now
+
+    def blocked(self, origins: np.ndarray, directions: np.ndarray, reach=None) -> np.ndarray:
+        """Whether anything is hit within `reach` lengths of the direction; (N,) bool.
+
+        origins (N, 3) about the centre; directions (N, 3), or (1, 3) for all; reach float or (N,).
+        """
+        return self.scene.run(
+            np.ascontiguousarray(origins, dtype=np.float32),
+            np.ascontiguousarray(directions, dtype=np.float32),
+            dists=reach,
+            query="OCCLUDED",
+        ) >= 0  # fmt: skip
+
+    def nearest(self, origins: np.ndarray, directions: np.ndarray, reach=None):
+        """The first hit: face (N,) int32, −1 for none; barycentric (N, 3); length (N,) float32."""
+        hit = self.scene.run(
+            np.ascontiguousarray(origins, dtype=np.float32),
+            np.ascontiguousarray(directions, dtype=np.float32),
+            dists=reach,
+            query="INTERSECT",
+            output=True,
+        )
+        u, v = hit["u"], hit["v"]
+        return hit["primID"], np.column_stack([1 - u - v, u, v]), hit["tfar"]
+
+
+def spread_directions(count: int) -> np.ndarray:
+    """A spherical Fibonacci lattice (count, 3): even, deterministic, each worth 4π/count."""
+    i = np.arange(count)
+    z = 1 - (2 * i + 1) / count
+    phi = i * np.pi * (3 - np.sqrt(5))
+    r = np.sqrt(1 - z * z)
+    return np.column_stack([r * np.cos(phi), r * np.sin(phi), z])
+
+
+def vertex_visibility(
+    mesh: Mesh,
+    directions: int = 512,
+    bands: int = BANDS,
+    progress: Callable[[float], object] | None = None,
+) -> np.ndarray:
+    """Harmonics of the visibility of each vertex's upper hemisphere (§3.1).
+
+    Parameters
+    ----------
+    mesh : Mesh
+    directions : rays per vertex over the whole sphere (the lower half is not shot); 512 leave an
+        RMS error of about .02 in V, less than what six bands leave out
+    bands : 1 to 6; coefficients of the bands above are zero. (0, no visibility at all, is
+        coefficients=None to whoever uses them.)
+    progress : called with the share done, 0 to 1
+
+    Returns
+    -------
+    (V, 36) float32. A vertex without a normal sees nothing: its coefficients are all zero.
+    """
+    if not 1 <= bands <= BANDS:
+        raise ValueError(f"bands={bands}: expected 1 to {BANDS}; for none use no coefficients")
+    rays, normals = Rays(mesh), mesh.vertex_normals()
+    origins = _off_surface(mesh, mesh.vertices, normals, VERTEX_OFFSET)
+    omega = spread_directions(directions)
+    weights = np.zeros((directions, COEFFICIENTS))
+    weights[:, : bands**2] = basis(omega, bands) * (4 * np.pi / directions)
+
+    def sees(direction: np.ndarray) -> np.ndarray:
+        seen = normals @ direction > 0
+        front = np.flatnonzero(seen)
+        seen[front] = ~rays.blocked(origins[front], direction[None])
+        return seen
+
+    # Project one block of directions after the other onto the harmonics
+    coefficients = np.zeros((len(normals), COEFFICIENTS))
+    block = max(1, min(64, 2**24 // max(1, len(normals))))
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        for start in range(0, directions, block):
+            some = slice(start, start + block)
+            seen = np.stack(list(pool.map(sees, omega[some])), axis=1)
+            coefficients += seen.astype(np.float64) @ weights[some]
+            if progress:
+                progress(min(1.0, (start + block) / directions))
+    return coefficients.astype(np.float32)
+
+
+def needs_visibility(
+    mesh: Mesh, threshold: float = NEARLY_CONVEX, vertices: int = 2000, directions: int = 64
+) -> tuple[bool, float]:
+    """Whether self-occlusion matters, and the share of front-facing rays that are blocked.
+
+    A seeded sample of vertices is tried; an object with less than `threshold` blocked is nearly
+    convex, and [n·ω > 0] is as good as its visibility.
+    """
+    rays, normals = Rays(mesh), mesh.vertex_normals()
+    usable = np.flatnonzero(normals.any(axis=1))
+    if len(usable) > vertices:
+        usable = np.sort(np.random.default_rng(0).choice(usable, vertices, replace=False))
+    normals = normals[usable]
+    origins = _off_surface(mesh, mesh.vertices[usable], normals, VERTEX_OFFSET)
+    shot = hit = 0
+    for direction in spread_directions(directions):
+        front = normals @ direction > 0
+        shot += int(front.sum())
+        hit += int(rays.blocked(origins[front], direction[None]).sum())
+    share = hit / shot if shot else 0.0
+    return share >= threshold, share
+
+
+def directional_visibility(
+    mesh: Mesh,
+    points: np.ndarray,
+    normals: np.ndarray,
+    lights: Sequence[tuple[np.ndarray, np.ndarray | None]],
+    offset: float = POINT_OFFSET,
+) -> np.ndarray:
+    """Exact shadows: which points see which lights.
+
+    Parameters
+    ----------
+    points : (N, 3) world, on the surface
+    normals : (N, 3) unit; a zero normal sees nothing
+    lights : (direction, position): a unit vector away from the surface, and the world position of a
+        near light, which then replaces the direction, or None for a far one
+    offset : how far rays start off the surface, in radii of the mesh
+
+    Returns
+    -------
+    (N, L) bool
+    """
+    rays = Rays(mesh)
+    origins = _off_surface(mesh, points, normals, offset)
+    seen = np.zeros((len(points), len(lights)), dtype=bool)
+
+    def shadow(light: int, some: slice) -> None:
+        direction, position = lights[light]
+        if position is None:
+            to_light = np.asarray(direction, dtype=np.float64)[None]
+            front = some.start + np.flatnonzero(normals[some] @ to_light[0] > 0)
+            blocked = rays.blocked(origins[front], to_light)
+        else:
+            to_light = np.asarray(position) - points[some]
+            above = np.flatnonzero(np.einsum("ij,ij->i", normals[some], to_light) > 0)
+            front = some.start + above
+            to_light = np.asarray(position) - rays.center - origins[front]
+            blocked = rays.blocked(origins[front], to_light, reach=1.0)
+        seen[front, light] = ~blocked
+
+    pieces = [slice(s, min(s + 2**18, len(points))) for s in range(0, len(points), 2**18)]
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        list(
+            pool.map(
+                shadow, *zip(*[(k, s) for k in range(len(lights)) for s in pieces], strict=True)
+            )
+        )
+    return seen
+
+
+def remap(visibility: np.ndarray) -> np.ndarray:
+    """clip((V − 0.25)/0.5, 0, 1): takes the harmonics' ringing back to 0..1."""
+    return np.clip((visibility - 0.25) * 2, 0, 1)
+
+
+@njit(cache=True, nogil=True)
+def remap_value(visibility):
+    """`remap` of one number, for kernels."""
+    return min(max((visibility - 0.25) * 2.0, 0.0), 1.0)
+
+
+@njit(cache=True, nogil=True)
+def texel_coefficients(coefficients, faces, face, barycentric, out):
+    """One texel's harmonics between those of its face's vertices, for kernels.
+
+    coefficients (V, 36), faces (F, 3), face int, barycentric (3,); written to `out` (36,).
+    """
+    a, b, c = faces[face, 0], faces[face, 1], faces[face, 2]
+    for k in range(out.shape[0]):
+        out[k] = (
+            barycentric[0] * coefficients[a, k]
+            + barycentric[1] * coefficients[b, k]
+            + barycentric[2] * coefficients[c, k]
+        )
+
+
+def _off_surface(mesh: Mesh, points: np.ndarray, normals: np.ndarray, offset: float) -> np.ndarray:
+    return (points - mesh.center + offset * mesh.radius * normals).astype(np.float32)

@@ -1,0 +1,209 @@
+"""Visibility where it is known exactly: sphere, plane, corner, bowl, a lamp behind a screen."""
+
+import numpy as np
+import pytest
+from numba import njit
+
+from meshlab_svbrdf.geometry.harmonics import basis, evaluate
+from meshlab_svbrdf.geometry.mesh import Mesh
+from meshlab_svbrdf.geometry.visibility import (
+    Rays,
+    directional_visibility,
+    needs_visibility,
+    remap,
+    remap_value,
+    spread_directions,
+    texel_coefficients,
+    vertex_visibility,
+)
+
+UP = np.array([0, 0, 1.0])
+
+
+def grid(n, m):
+    """Faces of an n × m grid of vertices."""
+    i = np.arange(n * m).reshape(n, m)
+    a, b, c, d = i[:-1, :-1].ravel(), i[1:, :-1].ravel(), i[1:, 1:].ravel(), i[:-1, 1:].ravel()
+    return np.vstack([np.column_stack([a, b, c]), np.column_stack([a, c, d])]).astype(np.int32)
+
+
+def cap(theta_max, n=33, m=65):
+    """A part of the unit sphere around −z; polygons inscribed."""
+    theta, phi = np.meshgrid(
+        np.linspace(0, theta_max, n), np.linspace(0, 2 * np.pi, m), indexing="ij"
+    )
+    r = np.sin(theta)
+    xyz = np.stack([r * np.cos(phi), r * np.sin(phi), -np.cos(theta)], -1)
+    return xyz.reshape(-1, 3), grid(n, m)
+
+
+def ball():
+    v, f = cap(np.pi)
+    return Mesh(v, f, v)
+
+
+def bowl():
+    v, f = cap(np.pi / 2)
+    return Mesh(v, f, -v)
+
+
+def square(size=1.0, z=0.0, n=2):
+    a = np.linspace(-size, size, n)
+    x, y = np.meshgrid(a, a, indexing="ij")
+    return Mesh(np.column_stack([x.ravel(), y.ravel(), np.full(n * n, z)]), grid(n, n))
+
+
+def corner():
+    """A wide floor (z = 0) and a wall (x = 0), for x, z ≥ 0."""
+    v = np.array([[0, -9, 0], [9, -9, 0], [9, 9, 0], [0, 9, 0], [0, -9, 9], [0, 9, 9]], float)
+    return Mesh(v, np.array([[0, 1, 2], [0, 2, 3], [0, 3, 5], [0, 5, 4]], np.int32))
+
+
+def test_directions_are_even_and_integrate_the_harmonics():
+    omega = spread_directions(512)
+    np.testing.assert_allclose(np.linalg.norm(omega, axis=1), 1, rtol=1e-14)
+    y = basis(omega)
+    np.testing.assert_allclose(y.T @ y * (4 * np.pi / 512), np.eye(36), atol=0.02)
+
+
+def test_no_ray_of_a_convex_object_is_lost():
+    omega = spread_directions(512)
+    weights = basis(omega) * (4 * np.pi / 512)
+    for mesh in (ball(), square(n=5)):
+        upper = mesh.vertex_normals() @ omega.T > 0
+        np.testing.assert_allclose(vertex_visibility(mesh), upper @ weights, atol=1e-6)
+        assert needs_visibility(mesh) == (False, 0.0)
+
+
+def test_a_ball_sees_its_hemisphere():
+    """∫ Y over n·ω > 0: √π, then π √(3/4π) n, then nothing in the even bands."""
+    mesh = ball()
+    k = vertex_visibility(mesh, 4096)
+    np.testing.assert_allclose(k[:, 0], np.sqrt(np.pi), atol=0.015)
+    expected = np.sqrt(3 / (4 * np.pi)) * np.pi * mesh.normals[:, [1, 2, 0]]
+    np.testing.assert_allclose(k[:, 1:4], expected, atol=0.015)
+    np.testing.assert_allclose(k[:, 4:9], 0, atol=0.02)
+    np.testing.assert_allclose(k[:, 16:25], 0, atol=0.03)
+
+
+def test_the_bottom_of_a_bowl_sees_the_sky_through_its_rim():
+    k = vertex_visibility(bowl(), 4096, bands=1)
+    share = k[:65, 0] / (2 * np.sqrt(np.pi))
+    np.testing.assert_allclose(share, (1 - np.sqrt(0.5)) / 2, atol=0.003)
+    needed, blocked = needs_visibility(bowl())
+    assert needed
+    assert 0.1 < blocked < 0.9
+
+
+def test_a_wall_takes_its_half_of_the_sky():
+    points, normals = np.array([[0.05, 0, 0.0]]), UP[None]
+    omega = spread_directions(400)
+    omega = omega[np.abs(omega[:, 0]) > 0.02]
+    seen = directional_visibility(corner(), points, normals, [(d, None) for d in omega], 1e-4)
+    np.testing.assert_array_equal(seen[0], (omega[:, 2] > 0) & (omega[:, 0] > 0))
+
+
+def test_harmonics_agree_with_rays():
+    mesh = bowl()
+    omega = spread_directions(300)
+    rays = directional_visibility(
+        mesh, mesh.vertices, mesh.vertex_normals(), [(d, None) for d in omega], 1e-4
+    )
+    harmonics = remap(vertex_visibility(mesh) @ basis(omega).T)
+    assert np.mean((harmonics > 0.5) != rays) < 0.02
+    assert np.mean(np.abs(harmonics - rays)) < 0.05
+
+
+@pytest.mark.parametrize("bands", [1, 2, 3, 6])
+def test_fewer_bands_leave_the_rest_zero(bands):
+    k = vertex_visibility(bowl(), 64, bands)
+    np.testing.assert_array_equal(k[:, : bands**2], vertex_visibility(bowl(), 64)[:, : bands**2])
+    assert not k[:, bands**2 :].any()
+
+
+@pytest.mark.parametrize("bands", [0, 7])
+def test_other_bands_are_refused(bands):
+    with pytest.raises(ValueError, match="1 to 6"):
+        vertex_visibility(bowl(), 8, bands)
+
+
+@pytest.mark.parametrize(("scale", "shift"), [(1e-3, 0.0), (1e3, 0.0), (1.0, 1e6)])
+def test_size_and_place_do_not_matter(scale, shift):
+    mesh = bowl()
+    moved = Mesh(mesh.vertices * scale + shift, mesh.faces, mesh.normals)
+    difference = vertex_visibility(moved, 256) - vertex_visibility(mesh, 256)
+    # A ray that grazes the rim may go either way: single rays, not many
+    assert np.mean(np.abs(difference) > 1e-5) < 0.01
+    assert np.abs(difference).max() < 0.2
+
+
+def test_runs_are_alike_and_progress_ends_at_one():
+    done = []
+    first = vertex_visibility(bowl(), 128, progress=done.append)
+    np.testing.assert_array_equal(first, vertex_visibility(bowl(), 128))
+    assert done == [0.5, 1.0]
+
+
+def test_a_vertex_without_normal_sees_nothing():
+    mesh = square()
+    lonely = Mesh(np.vstack([mesh.vertices, [[0, 0, 0.5]]]), mesh.faces)
+    k = vertex_visibility(lonely, 64)
+    assert not k[-1].any()
+    assert k[:-1].any(axis=1).all()
+    assert needs_visibility(lonely) == (False, 0.0)
+
+
+def test_a_mesh_without_area_needs_nothing():
+    assert needs_visibility(Mesh(np.zeros((3, 3)), np.array([[0, 1, 2]], np.int32))) == (False, 0.0)
+
+
+def test_a_near_lamp_is_hidden_only_by_what_is_in_front_of_it():
+    floor, screen = square(4.0, 0.0), square(1.0, 1.0)
+    mesh = Mesh(
+        np.vstack([floor.vertices, screen.vertices]), np.vstack([floor.faces, screen.faces + 4])
+    )
+    points, normals = np.array([[0.3, 0.2, 0], [3.9, 0, 0]]), np.array([UP, UP])
+    lights = [(UP, np.array([0, 0, h])) for h in (0.5, 2.0, -1.0)] + [(UP, None), (-UP, None)]
+    np.testing.assert_array_equal(
+        directional_visibility(mesh, points, normals, lights),
+        [[True, False, False, False, False], [True, True, False, True, False]],
+    )
+
+
+def test_no_lights_and_no_points():
+    assert (
+        directional_visibility(ball(), np.zeros((0, 3)), np.zeros((0, 3)), [(UP, None)]).size == 0
+    )
+    assert directional_visibility(ball(), UP[None], UP[None], []).shape == (1, 0)
+
+
+def test_nearest_hit_is_exact():
+    face, barycentric, length = Rays(square()).nearest([[0.25, 0.5, 3]], [-UP])
+    mesh = square()
+    np.testing.assert_allclose(barycentric[0] @ mesh.vertices[mesh.faces[face[0]]], [0.25, 0.5, 0])
+    np.testing.assert_allclose(length, 3)
+    assert Rays(square()).nearest([[0, 0, 3]], [UP])[0] == -1
+
+
+def test_remap():
+    v = np.array([-np.inf, -1, 0, 0.25, 0.5, 0.75, 1, np.inf])
+    np.testing.assert_array_equal(remap(v), [0, 0, 0, 0, 0.5, 1, 1, 1])
+    np.testing.assert_array_equal([remap_value(x) for x in v], remap(v))
+
+
+@njit
+def texel_value(coefficients, faces, face, barycentric, direction, out):
+    texel_coefficients(coefficients, faces, face, barycentric, out)
+    return evaluate(out, direction[0], direction[1], direction[2])
+
+
+def test_texels_lie_between_their_vertices():
+    rng = np.random.default_rng(0)
+    mesh, k = square(), rng.normal(size=(4, 36)).astype(np.float32)
+    out = np.empty(36, np.float32)
+    for barycentric in np.vstack([np.eye(3), rng.dirichlet([1, 1, 1], 5)]).astype(np.float32):
+        value = texel_value(k, mesh.faces, 1, barycentric, UP, out)
+        np.testing.assert_allclose(out, barycentric @ k[mesh.faces[1]], atol=1e-6)
+        np.testing.assert_allclose(
+            value, barycentric @ (k[mesh.faces[1]] @ basis(UP[None])[0]), atol=1e-5
+        )
