@@ -7,6 +7,8 @@ material wherever they lie.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from scipy.spatial import cKDTree
 from skimage.color import xyz2lab
@@ -16,9 +18,9 @@ from meshlab_svbrdf.errors import SvbrdfError
 from meshlab_svbrdf.geometry.adjacency import neighbours, thin
 from meshlab_svbrdf.reflectance import regions
 
-# Shading changes lightness and hardly hue: irradiance over a convex object under lamps varies
-# about eightfold, 30..45 in L*, and a quarter of that stays below the threshold on either side.
-LIGHTNESS_WEIGHT = 0.25
+# Shading changes lightness and hardly hue. A fifth of L*, from black to white, is as wide as a
+# region of the default threshold: one material stays whole from its lit side into its shadows.
+LIGHTNESS_WEIGHT = 0.2
 THRESHOLD = 10.0
 MINIMUM_SHARE = 0.005
 
@@ -85,8 +87,8 @@ def segment(
 
     Returns
     -------
-    (T,) int32, materials from 0 by falling size; −1 where unobserved, and on islands of unlike
-    colour that no region reaches.
+    (T,) int32, materials from 0 by falling size; −1 where unobserved. Texels on islands without
+    a region of their own take the material of nearest colour.
 
     Source: Palma et al. 2012, §7.3. Distances use shading-tolerant Lab; the paper's are those of
     `lightness_weight=1`.
@@ -124,6 +126,35 @@ def segment(
     for _ in range(SETTLING_ROUNDS):
         labels = regions.settle(colors, *adjacency, labels, _means(labels, colors)[0])
     return _keep_largest(labels, 0)
+
+
+def segment_surface(
+    position: np.ndarray,
+    normal: np.ndarray,
+    diffuse: np.ndarray,
+    *,
+    most: int = 1_000_000,
+    **options: Any,
+) -> np.ndarray:
+    """`segment` from the texels themselves; above `most` texels on an even subset of the surface.
+
+    position : (T, 3) float, finite; normal : (T, 3) float, unit; diffuse : as in `segment`, which
+    also takes the `options`. The texels left out take the label of the nearest one that was kept
+    on their side of the surface. Returns (T,) int32.
+    """
+    observed = np.flatnonzero(np.isfinite(diffuse).all(1))
+    kept = observed[thin(position[observed], normal[observed], most)]
+    adjacency = neighbours(position[kept], normal[kept])
+    labels = np.full(len(diffuse), -1, np.int32)
+    labels[kept] = segment(diffuse[kept], adjacency, **options)
+
+    # Spread the labels to the texels that were thinned out
+    left = np.setdiff1d(observed, kept, assume_unique=True)
+    if len(left):
+        near = kept[cKDTree(position[kept]).query(position[left], k=4, workers=-1)[1]]
+        facing = np.einsum("ld,lkd->lk", normal[left], normal[near]) > 0
+        labels[left] = labels[near[np.arange(len(left)), facing.argmax(1)]]
+    return labels
 
 
 def _means(labels: np.ndarray, colors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -97,7 +97,9 @@ def fill(colors, indptr, indices, labels, means):
     queued = labels >= 0
     size = 0
     for i in range(len(labels)):
-        if labels[i] < 0 and not np.isnan(colors[i, 0]) and _touches(i, indptr, indices, labels):
+        if queued[i] or np.isnan(colors[i, 0]):
+            continue
+        if _nearest_around(i, colors, indptr, indices, labels, means) >= 0:
             wave[size] = i
             queued[i] = True
             size += 1
@@ -145,14 +147,6 @@ def _nearest_around(i, colors, indptr, indices, labels, means):
                 least = d2
                 best = label
     return best
-
-
-@nb.njit(cache=True, nogil=True)
-def _touches(i, indptr, indices, labels):
-    for e in range(indptr[i], indptr[i + 1]):
-        if labels[indices[e]] >= 0:
-            return True
-    return False
 
 
 @nb.njit(cache=True, nogil=True, inline="always")
