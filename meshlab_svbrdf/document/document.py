@@ -1,0 +1,342 @@
+"""The document that filters read and write: a project of MeshLab's, and its NAME.svbrdf beside it.
+
+Document.open    a project and the folder of its results
+Document.apply   run a filter, unless its result is there already
+Document.save    the project with every result as a layer that MeshLab shows
+"""
+
+from __future__ import annotations
+
+import logging
+import shutil
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .. import registry
+from ..errors import DocumentError, SvbrdfError
+from ..filter import Filter
+from ..geometry.mesh import Mesh
+from ..progress import Progress, Show
+from .freshness import Freshness, filter_key, resolve_lengths
+from .layers import Layer, mesh_digest
+from .products import Products
+from .project import MeshEntry, Project, RasterEntry, new_project, read_project, write_project
+from .record import ResultFolder, digest
+from .views import write_views
+
+log = logging.getLogger("meshlab_svbrdf")
+
+PROJECTS = (".mlp", ".mlb")
+RESULTS = ".svbrdf"
+HELD_OUT = slice(3, None, 8)  # every 8th frame by name, starting with the 4th
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of one filter: its own line on it, wall clock and CPU seconds."""
+
+    name: str
+    message: str
+    seconds: float = 0.0
+    cpu_seconds: float = 0.0
+    skipped: bool = False
+
+
+class Document(Products):
+    """Layers and rasters of a project, and the results made from them.
+
+    path : where `save` writes the project
+    layers : mesh layers in the project's order, those of earlier results included
+    rasters : the frames that filters see: held-out ones are in `held_out`
+    """
+
+    def __init__(self, project: Project, path: Path) -> None:
+        super().__init__(path.with_suffix(RESULTS))
+        self.project = project
+        self.path = path
+        self.layers = [Layer(m.label, m.path, m.matrix, m.visible, entry=m) for m in project.meshes]
+        self._told = ""
+
+    @classmethod
+    def open(cls, path: str | Path, output: str | Path | None = None) -> Document:
+        """Read a project.
+
+        output : a project file (.mlp, .mlb) or a folder for one of the same name; results lie beside
+            it. None: beside the input, which `save` replaces.
+        """
+        path = Path(path).absolute()
+        if path.suffix.lower() not in PROJECTS:
+            raise DocumentError(f"{path}: expected a MeshLab project, .mlp or .mlb")
+        return cls(read_project(path), place(path, output))
+
+    @classmethod
+    def new(cls, path: str | Path) -> Document:
+        """A document without layers and rasters, to be saved as `path`."""
+        return cls(new_project(), Path(path).absolute())
+
+    @property
+    def name(self) -> str:
+        return self.path.stem
+
+    # What the suite works on
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """What the user chose: "object" (a label), "held_out" (labels), "quality" (an attribute)."""
+        return self.results.record["settings"]
+
+    def set(self, **settings: Any) -> None:
+        """Change settings, and record them."""
+        with self.results.locked():
+            record = self.results.record
+            self.results.commit(record | {"settings": record["settings"] | settings})
+
+    @property
+    def rasters(self) -> list[RasterEntry]:
+        held_out = set(self.settings.get("held_out", ()))
+        return [raster for raster in self.project.rasters if raster.label not in held_out]
+
+    @property
+    def held_out(self) -> list[RasterEntry]:
+        """Frames that no filter sees, kept for judging the result."""
+        held_out = set(self.settings.get("held_out", ()))
+        return [raster for raster in self.project.rasters if raster.label in held_out]
+
+    def hold_out(self, hold: bool = True) -> None:
+        """Hold out every 8th frame by name, starting with the 4th, or use all of them again."""
+        frames = sorted(self.project.rasters, key=lambda raster: (raster.path.name, raster.label))
+        labels = [raster.label for raster in frames[HELD_OUT]] if hold else []
+        if labels != self.settings.get("held_out", []):
+            self.set(held_out=labels)
+
+    def set_json(self, name: str, value: dict[str, Any]) -> None:
+        """Stage NAME.json; frames.json also tells which frames were held out."""
+        if name == "frames":
+            held_out = [{"label": r.label, "left_out": "held out"} for r in self.held_out]
+            known = {frame.get("label") for frame in value.get("frames", ())}
+            added = [frame for frame in held_out if frame["label"] not in known]
+            value = {**value, "frames": [*value.get("frames", ()), *added]}
+        super().set_json(name, value)
+
+    def object_layer(self) -> Layer:
+        """The mesh that the suite works on: the layer chosen by label, else the visible one.
+
+        Raises DocumentError where no layer of the project is a mesh.
+        """
+        meshes = [layer for layer in self.layers if not layer.ours and len(layer.read().mesh.faces)]
+        wanted = self.settings.get("object")
+        if wanted:
+            meshes = [layer for layer in meshes if layer.label == wanted]
+        if not meshes:
+            labels = ", ".join(repr(layer.label) for layer in self.layers) or "none"
+            what = f"mesh layer {wanted!r}" if wanted else "mesh layer with faces"
+            raise DocumentError(f"{self.path.name} has no {what} (its layers: {labels})")
+        chosen = next((layer for layer in meshes if layer.visible), meshes[0])
+        if len(meshes) > 1 and self._told != chosen.label:
+            self._told = chosen.label
+            log.warning(
+                "%d mesh layers: working on %r (choose another by its label)",
+                len(meshes),
+                chosen.label,
+            )
+        return chosen
+
+    def mesh(self, layer: Layer | None = None) -> Mesh:
+        """A layer's mesh (None: the object's) in world coordinates.
+
+        The object's has the texture coordinates of `set_uv` where its file has none.
+        """
+        layer = layer or self.object_layer()
+        return self._local_mesh(layer).transformed(layer.matrix)
+
+    def set_uv(self, uv: np.ndarray) -> None:
+        """Stage texture coordinates (F, 3, 2) for an object that has none, as float32."""
+        self.set_array("uv", np.asarray(uv, np.float32))
+
+    def _local_mesh(self, layer: Layer) -> Mesh:
+        mesh = self._given_mesh(layer)
+        if mesh.uv is None and layer is self.object_layer() and self.has_array("uv"):
+            mesh = replace(mesh, uv=self.array("uv").astype(np.float64), texture_index=None)
+        return mesh
+
+    def _given_mesh(self, layer: Layer) -> Mesh:
+        """As the user gave it: texture coordinates that `save` wrote for `set_uv` are left out."""
+        mesh = layer.read().mesh
+        path = self.results.find("arrays/uv.npy")
+        if mesh.uv is None or path is None:
+            return mesh
+        ours = np.array_equal(mesh.uv.astype(np.float32), np.load(path))
+        return replace(mesh, uv=None, texture_index=None) if ours else mesh
+
+    def _given_digest(self) -> str:
+        layer = self.object_layer()
+        return mesh_digest(self._given_mesh(layer), layer.matrix)
+
+    # Filters
+
+    def apply(
+        self,
+        name: str | Filter,
+        /,
+        force: bool = False,
+        show: Show | None = None,
+        **parameters: Any,
+    ) -> Outcome:
+        """Run a filter and commit what it sets, whole or not at all.
+
+        Not run where its last result was made from the same parameters and inputs, unless `force`.
+
+        Raises
+        ------
+        SvbrdfError : a wrong parameter. MissingStageError : which filter has to run first.
+        """
+        filter = registry.get(name) if isinstance(name, str) else name
+        if filter.apply is None:
+            raise SvbrdfError(f"filter {filter.name} has no apply: get it from the registry")
+        given = filter.check(parameters)
+        with self.results.locked():
+            fresh = self._freshness()
+            inputs = fresh.inputs(filter)
+            key = filter_key(filter, given, inputs)
+            if not force and fresh.unchanged(filter, key):
+                return Outcome(filter.name, "unchanged", skipped=True)
+            resolve_lengths(filter, given, self.mesh)
+
+            run: dict[str, Any] = {
+                "key": key,
+                "version": filter.version,
+                "parameters": _words(given),
+            }
+            wall, cpu = time.perf_counter(), time.process_time()
+            with self.write(
+                *filter.writes,
+                edits=filter.edits,
+                filter=filter.name,
+                key=key,
+                inputs=inputs,
+                run=run,
+            ):
+                message = filter.apply(self, given, Progress(show)) or "done"
+                outcome = Outcome(
+                    filter.name,
+                    message,
+                    time.perf_counter() - wall,
+                    time.process_time() - cpu,
+                )
+                run["message"] = outcome.message
+                run["seconds"] = round(outcome.seconds, 3)
+                run["cpu_seconds"] = round(outcome.cpu_seconds, 3)
+                run["date"] = time.strftime("%Y-%m-%dT%H:%M:%S%z")
+        return outcome
+
+    def stale(self, product: str) -> str:
+        """Why `product` no longer belongs to this document, or "" where it does."""
+        return self._freshness().stale(product)
+
+    def _freshness(self) -> Freshness:
+        return Freshness(self.results, self._given_digest, lambda: raster_digest(self.rasters))
+
+    # Saving
+
+    def save(self, path: str | Path | None = None) -> Path:
+        """Write the project with the results as layers; where it was written.
+
+        path : a project file; None: the document's own. Elsewhere the results go along: the project
+            there is complete, and the one here stays as it is.
+        """
+        if path is not None and Path(path).absolute() != self.path:
+            self._go_to(Path(path).absolute())
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        if self.results.record["products"] or any(layer.path is None for layer in self.layers):
+            with self.results.locked():
+                self.layers = write_views(self)
+        self.project.meshes = [_entry(layer) for layer in self.layers]
+        write_project(self.project, self.path)
+        return self.path
+
+    def _go_to(self, path: Path) -> None:
+        """Take the results along to another project; results that are there already are replaced."""
+        if path.suffix.lower() not in PROJECTS:
+            raise DocumentError(f"{path}: expected a name for a MeshLab project, .mlp or .mlb")
+        target, old = path.with_suffix(RESULTS), self.folder
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if target != old and old.is_dir():
+            fresh = target.with_name(f".{target.name}.part")
+            shutil.rmtree(fresh, ignore_errors=True)
+            with self.results.locked():
+                shutil.copytree(old, fresh, ignore=shutil.ignore_patterns(".lock", ".staging"))
+            with ResultFolder(target).locked():
+                shutil.rmtree(target)
+                fresh.rename(target)
+        for layer in self.layers:
+            if layer.path is not None and layer.path.is_relative_to(old):
+                layer.path = target / layer.path.relative_to(old)
+        self.path, self.results = path, ResultFolder(target)
+
+
+def place(path: Path, output: str | Path | None) -> Path:
+    """The project that results of the project `path` go to: see `Document.open`."""
+    if output is None:
+        return path
+    output = Path(output).absolute()
+    return output if output.suffix.lower() in PROJECTS else output / f"{path.stem}.mlp"
+
+
+def raster_digest(rasters: list[RasterEntry]) -> str:
+    """SHA-256 of cameras, exposures, sequences and of the files' names, sizes and dates.
+
+    A sequence counts by its members: its name, a folder's, depends on where the project lies.
+    """
+    if not rasters:
+        raise DocumentError("the project has no rasters: add registered frames in MeshLab")
+    sequences = list(dict.fromkeys(raster.sequence for raster in rasters))
+    return digest(
+        [
+            [
+                r.label,
+                _camera_numbers(r),
+                _stamp(r.path),
+                _stamp(r.mask),
+                r.exposure,
+                sequences.index(r.sequence),
+            ]
+            for r in rasters
+        ]
+    )
+
+
+def _camera_numbers(raster: RasterEntry) -> list[Any]:
+    return [np.asarray(value).tolist() for value in vars(raster.camera).values()]
+
+
+def _stamp(path: Path | None) -> list[Any] | None:
+    if path is None:
+        return None
+    try:
+        status = path.stat()
+    except OSError as error:
+        raise DocumentError(f"{path}: cannot be read ({error.strerror}), put it back") from None
+    return [path.name, status.st_size, status.st_mtime_ns]
+
+
+def _words(parameters: Any) -> dict[str, Any]:
+    return {name: _word(value) for name, value in vars(parameters).items()}
+
+
+def _word(value: Any) -> Any:
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    return value if value is None or isinstance(value, bool | int | float) else str(value)
+
+
+def _entry(layer: Layer) -> MeshEntry:
+    assert layer.path is not None
+    entry = layer.entry or MeshEntry(layer.label, layer.path, layer.matrix, layer.visible)
+    entry.label, entry.path = layer.label, layer.path
+    entry.matrix, entry.visible = layer.matrix, layer.visible
+    layer.entry = entry
+    return entry

@@ -1,0 +1,112 @@
+"""Whether results still belong to what they were made from.
+
+A product's key is a hash of its filter, the parameters and the keys of what went in: the digests of
+mesh and rasters, and the keys of other products. What was made from an older state is stale.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .. import registry
+from ..errors import DocumentError, MissingStageError
+from ..filter import INPUTS, Filter, Namespace, Percentage
+from ..geometry.mesh import Mesh
+from .record import ResultFolder, digest
+
+
+class Freshness:
+    """The state of a document at one moment; mesh and rasters are digested at most once."""
+
+    def __init__(
+        self, results: ResultFolder, mesh: Callable[[], str], rasters: Callable[[], str]
+    ) -> None:
+        self._results = results
+        self._products: dict[str, Any] = results.record["products"]
+        self._inputs = {"mesh": cache(mesh), "rasters": cache(rasters)}
+
+    def stale(self, product: str) -> str:
+        """Which input of `product` is not what it was, or "" where all are."""
+        for name, key in self._products[product]["inputs"].items():
+            if name in INPUTS:
+                if self._inputs[name]() != key:
+                    return name
+            elif name not in self._products or self._products[name]["key"] != key:
+                return name
+            elif older := self.stale(name):
+                return older
+        return ""
+
+    def inputs(self, filter: Filter) -> dict[str, str]:
+        """The keys of what the filter needs; MissingStageError where a product is not there."""
+        keys = {}
+        for need in filter.needs:
+            if need in INPUTS:
+                keys[need] = self._inputs[need]()
+                continue
+            makers = " or ".join(registry.writers(need)) or f"the filter that writes {need}"
+            words = need.replace("_", " ")
+            if need not in self._products:
+                raise MissingStageError(f"{filter.name} needs the {words}: run {makers} first")
+            if older := self.stale(need):
+                raise MissingStageError(
+                    f"{filter.name} needs the {words}, but the {older.replace('_', ' ')} changed "
+                    f"since: run {makers} again"
+                )
+            keys[need] = self._products[need]["key"]
+        return keys
+
+    def unchanged(self, filter: Filter, key: str) -> bool:
+        """Whether the filter's products are those of this key, with every file in its place."""
+        if not filter.writes or filter.edits:
+            return False
+        products = [self._products.get(name) for name in filter.writes]
+        return all(
+            product is not None
+            and product["key"] == key
+            and all((self._results.path / entry).exists() for entry in product["files"])
+            for product in products
+        )
+
+
+def filter_key(filter: Filter, parameters: Namespace, inputs: dict[str, str]) -> str:
+    """SHA-256 of all that decides a filter's result; files given as parameters count by content."""
+    return digest(
+        [
+            filter.name,
+            filter.version,
+            {name: _key_of(value) for name, value in vars(parameters).items()},
+            inputs,
+        ]
+    )
+
+
+def resolve_lengths(filter: Filter, parameters: Namespace, mesh: Callable[[], Mesh]) -> None:
+    """Turn percentages into world units of the object's bounding box, in place."""
+    for name, value in vars(parameters).items():
+        if isinstance(value, Percentage):
+            setattr(parameters, name, value.resolve(2 * mesh().radius))
+
+
+def _key_of(value: Any) -> Any:
+    if isinstance(value, Percentage):
+        return f"{value.percent!r}%"
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    if isinstance(value, Path):
+        return _file_digest(value) if value.is_file() else str(value)
+    return value
+
+
+def _file_digest(path: Path) -> str:
+    try:
+        with path.open("rb") as stream:
+            return hashlib.file_digest(stream, "sha256").hexdigest()
+    except OSError as error:
+        raise DocumentError(f"{path}: cannot be read ({error.strerror})") from None

@@ -1,0 +1,199 @@
+"""The folder NAME.svbrdf: results are staged, committed whole, and recorded in its svbrdf.json.
+
+A filter writes into `.staging/`. Committing it is one rename, to `.commit/`: from there on the new
+state is certain, and whoever opens the folder next finishes the moves if this process cannot. So a
+killed run leaves either all of a filter's results or none.
+
+svbrdf.json:
+  products   per product: the filter that made it, its key, the keys of what went in, files, layers
+  runs       per filter: parameters, key, version, outcome, seconds, date of its last run
+  settings   what the user chose: object layer, held-out rasters, attribute shown as Quality
+"""
+
+from __future__ import annotations
+
+import fcntl
+import hashlib
+import json
+import os
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from ..errors import DocumentError, SvbrdfError
+
+FORMAT = 1
+RECORD = "svbrdf.json"
+
+
+def empty_record() -> dict[str, Any]:
+    return {"format": FORMAT, "settings": {}, "products": {}, "runs": {}}
+
+
+def digest(value: Any) -> str:
+    """SHA-256 of a JSON value, the same whatever the order of its keys."""
+    return hashlib.sha256(json.dumps(value, sort_keys=True).encode()).hexdigest()
+
+
+def write_json(path: Path, value: Any) -> None:
+    """Write a JSON file whole or not at all."""
+    temporary = path.with_name(f".{path.name}.part")
+    temporary.write_text(json.dumps(value, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    os.replace(temporary, path)
+
+
+class ResultFolder:
+    """NAME.svbrdf, its record, and the staging of one filter at a time.
+
+    Entries are paths relative to the folder with forward slashes; a trailing slash marks a folder
+    that is replaced as a whole ("samples/").
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.record = empty_record()
+        self._lock: int | None = None
+        self.refresh()
+
+    @property
+    def _staging(self) -> Path:
+        return self.path / ".staging"
+
+    @property
+    def _committed(self) -> Path:
+        return self.path / ".commit"
+
+    # Reading
+
+    def find(self, entry: str) -> Path | None:
+        """Where `entry` is: staged by the filter that runs now, or else as committed."""
+        for base in (self._staging, self.path):
+            if self._lock is not None or base is self.path:
+                path = base / entry
+                if path.exists():
+                    return path
+        return None
+
+    def files(self, record: dict[str, Any] | None = None) -> set[str]:
+        """The entries that a record's products own."""
+        products = (self.record if record is None else record)["products"].values()
+        return {entry for product in products for entry in product["files"]}
+
+    def refresh(self) -> None:
+        """Finish or drop what a dead process left, unless a living one holds the folder."""
+        if not self.path.is_dir():
+            self.record = empty_record()
+            return
+        try:
+            with self.locked():
+                return
+        except (BusyError, OSError):  # in use, or on a medium that cannot be written: read only
+            self._read()
+
+    def _read(self) -> None:
+        path = self.path / RECORD
+        if not path.exists():
+            self.record = empty_record()
+            return
+        try:
+            record = json.loads(path.read_text(encoding="utf-8"))
+            known = record["format"]
+        except (ValueError, KeyError, TypeError) as error:
+            raise DocumentError(
+                f"{path} is not a record of results ({error}): "
+                f"restore it, or move {self.path.name} away to start anew"
+            ) from None
+        if known != FORMAT:
+            raise DocumentError(
+                f"{path} has format {known}, this version reads {FORMAT}: "
+                f"move {self.path.name} away to start anew, or use the version that wrote it"
+            )
+        self.record = record
+
+    # Writing
+
+    @contextmanager
+    def locked(self) -> Iterator[None]:
+        """Hold the folder for this process (again, inside); its death lets go.
+
+        Raises BusyError where another process holds it.
+        """
+        if self._lock is not None:
+            yield
+            return
+        self.path.mkdir(parents=True, exist_ok=True)
+        lock = os.open(self.path / ".lock", os.O_RDWR | os.O_CREAT, 0o666)
+        try:
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                raise BusyError(
+                    f"{self.path} is being worked on by another run: wait for its end, "
+                    "or give this one an output of its own"
+                ) from None
+            self._lock = lock
+            self._recover()
+            self._read()
+            yield
+        finally:
+            self._lock = None
+            os.close(lock)
+
+    def _recover(self) -> None:
+        if self._committed.is_dir():
+            self._finish()
+        self.discard()
+
+    def stage(self, entry: str) -> Path:
+        """Where to write `entry` for now; parent folders exist."""
+        path = self._staging / entry
+        (path if entry.endswith("/") or not entry else path.parent).mkdir(
+            parents=True, exist_ok=True
+        )
+        return path
+
+    def discard(self) -> None:
+        """Forget everything staged."""
+        shutil.rmtree(self._staging, ignore_errors=True)
+
+    def commit(self, record: dict[str, Any]) -> None:
+        """Make the staged entries and `record` the folder's state; drop files no product owns."""
+        write_json(self.stage(RECORD), record)
+        os.rename(self._staging, self._committed)
+        self._finish()
+        self.record = record
+
+    def _finish(self) -> None:
+        """Move what was committed into place; may be repeated after an interruption anywhere."""
+        new_path = self._committed / RECORD
+        if new_path.exists():
+            new = json.loads(new_path.read_text(encoding="utf-8"))
+            self._read()
+            for entry in sorted(self.files(new)):
+                _move(self._committed / entry, self.path / entry)
+            for entry in self.files() - self.files(new):
+                _remove(self.path / entry)
+            os.replace(new_path, self.path / RECORD)
+        shutil.rmtree(self._committed)
+
+
+class BusyError(SvbrdfError):
+    """Another process works on this folder."""
+
+
+def _move(source: Path, target: Path) -> None:
+    if not source.exists():
+        return
+    target.parent.mkdir(parents=True, exist_ok=True)
+    if source.is_dir():
+        _remove(target)
+    os.replace(source, target)
+
+
+def _remove(path: Path) -> None:
+    if path.is_dir():
+        shutil.rmtree(path)
+    else:
+        path.unlink(missing_ok=True)
