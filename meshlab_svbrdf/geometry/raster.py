@@ -34,8 +34,14 @@ def _rasterise(points, faces, fx, fy, cx, cy, inverse_depth, face_index):
             continue
         if behind > 0:
             u0, u1, v0, v1 = 0.0, width - 1.0, 0.0, height - 1.0
-        left, right = max(0, int(np.ceil(min(u0, width)))), min(width - 1, int(np.floor(max(u1, -1.0))))
-        top, bottom = max(0, int(np.ceil(min(v0, height)))), min(height - 1, int(np.floor(max(v1, -1.0))))
+        left, right = (
+            max(0, int(np.ceil(min(u0, width)))),
+            min(width - 1, int(np.floor(max(u1, -1.0)))),
+        )
+        top, bottom = (
+            max(0, int(np.ceil(min(v0, height)))),
+            min(height - 1, int(np.floor(max(v1, -1.0)))),
+        )
         if left > right or top > bottom:
             continue
         # Set up edge functions and 1/z, all linear in the pixel
@@ -50,7 +56,11 @@ def _rasterise(points, faces, fx, fy, cx, cy, inverse_depth, face_index):
         for i in range(3):
             for j in range(3):
                 e[i, j] /= det
-        wx, wy, w1 = e[0, 0] + e[1, 0] + e[2, 0], e[0, 1] + e[1, 1] + e[2, 1], e[0, 2] + e[1, 2] + e[2, 2]
+        wx, wy, w1 = (
+            e[0, 0] + e[1, 0] + e[2, 0],
+            e[0, 1] + e[1, 1] + e[2, 1],
+            e[0, 2] + e[1, 2] + e[2, 2],
+        )
         for row in range(top, bottom + 1):
             for col in range(left, right + 1):
                 if (
@@ -64,7 +74,9 @@ def _rasterise(points, faces, fx, fy, cx, cy, inverse_depth, face_index):
                         face_index[row, col] = f
 
 
-def rasterise(vertices: np.ndarray, faces: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+def rasterise(
+    vertices: np.ndarray, faces: np.ndarray, camera: Camera
+) -> tuple[np.ndarray, np.ndarray]:
     """Nearest surface at each pixel centre.
 
     Parameters

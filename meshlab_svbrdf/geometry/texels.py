@@ -57,8 +57,14 @@ def _cover(corners, faces, owner, barycentric):
         area = (bx - ax) * (cy - ay) - (cx - ax) * (by - ay)
         if not abs(area) > 0.0:
             continue
-        top, bottom = max(0, int(np.ceil(min(ay, by, cy)))), min(height - 1, int(np.floor(max(ay, by, cy))))
-        left, right = max(0, int(np.ceil(min(ax, bx, cx)))), min(width - 1, int(np.floor(max(ax, bx, cx))))
+        top, bottom = (
+            max(0, int(np.ceil(min(ay, by, cy)))),
+            min(height - 1, int(np.floor(max(ay, by, cy)))),
+        )
+        left, right = (
+            max(0, int(np.ceil(min(ax, bx, cx)))),
+            min(width - 1, int(np.floor(max(ax, bx, cx)))),
+        )
         for row in range(top, bottom + 1):
             for col in range(left, right + 1):
                 u = ((cx - bx) * (row - by) - (col - bx) * (cy - by)) / area
@@ -66,7 +72,11 @@ def _cover(corners, faces, owner, barycentric):
                 w = 1.0 - u - v
                 if u >= 0.0 and v >= 0.0 and w >= 0.0 and owner[row, col] < 0:
                     owner[row, col] = f
-                    barycentric[row, col, 0], barycentric[row, col, 1], barycentric[row, col, 2] = u, v, w
+                    barycentric[row, col, 0], barycentric[row, col, 1], barycentric[row, col, 2] = (
+                        u,
+                        v,
+                        w,
+                    )
 
 
 def _morton(position: np.ndarray) -> np.ndarray:
@@ -89,21 +99,31 @@ def rasterise_texels(mesh: Mesh, sizes: tuple[tuple[int, int], ...]) -> Texels:
     """
     if mesh.uv is None:
         raise ValueError("the mesh has no texture coordinates: parametrise it first")
-    texture_index = np.zeros(len(mesh.faces), np.int32) if mesh.texture_index is None else mesh.texture_index
+    texture_index = (
+        np.zeros(len(mesh.faces), np.int32) if mesh.texture_index is None else mesh.texture_index
+    )
     parts = []
     for index, (height, width) in enumerate(sizes):
-        corners = np.stack([mesh.uv[..., 0] * width - 0.5, (1 - mesh.uv[..., 1]) * height - 0.5], -1)
+        corners = np.stack(
+            [mesh.uv[..., 0] * width - 0.5, (1 - mesh.uv[..., 1]) * height - 0.5], -1
+        )
         owner = np.full((height, width), -1, np.int32)
         barycentric = np.zeros((height, width, 3), np.float32)
         usable = np.flatnonzero((texture_index == index) & np.isfinite(corners).all((1, 2)))
         _cover(np.ascontiguousarray(corners), usable, owner, barycentric)
         row, col = np.nonzero(owner >= 0)
-        parts.append((owner[row, col], barycentric[row, col], np.full(len(row), index, np.uint8), row, col))
-    face, barycentric, texture, row, col = (np.concatenate(part) for part in zip(*parts, strict=True))
+        parts.append(
+            (owner[row, col], barycentric[row, col], np.full(len(row), index, np.uint8), row, col)
+        )
+    face, barycentric, texture, row, col = (
+        np.concatenate(part) for part in zip(*parts, strict=True)
+    )
 
     center = mesh.center
     corners = mesh.faces[face]
-    position = np.einsum("tc,tcd->td", barycentric, (mesh.vertices - center).astype(np.float32)[corners])
+    position = np.einsum(
+        "tc,tcd->td", barycentric, (mesh.vertices - center).astype(np.float32)[corners]
+    )
     normal = np.einsum("tc,tcd->td", barycentric, mesh.vertex_normals().astype(np.float32)[corners])
     normal = _unit_or_face(normal, mesh, face)
     order = np.argsort(_morton(position), kind="stable") if len(face) else np.arange(0)

@@ -74,7 +74,9 @@ def specular_weight(y, b, threshold, minimum):
 
 
 @njit(cache=True, nogil=True)
-def _cone_with_visibility(probability, coefficients, x, y, z, cosines, sines, phis, weights, height):
+def _cone_with_visibility(
+    probability, coefficients, x, y, z, cosines, sines, phis, weights, height
+):
     """Eq. 4 to the letter: V(ω) for each direction of the cone."""
     sign = 1.0 if z >= 0 else -1.0
     a = -1.0 / (sign + z)
@@ -92,7 +94,9 @@ def _cone_with_visibility(probability, coefficients, x, y, z, cosines, sines, ph
 
 
 @njit(cache=True, nogil=True)
-def _diffuse(block, view, threshold, minimum, averaged, plain, cone, per_direction, letter, method, out):
+def _diffuse(
+    block, view, threshold, minimum, averaged, plain, cone, per_direction, letter, method, out
+):
     coefficients = np.empty(36, np.float32)
     longest = 0
     for i in range(block.stop - block.first):
@@ -114,7 +118,16 @@ def _diffuse(block, view, threshold, minimum, averaged, plain, cone, per_directi
                 b = averaged[row, col]
                 if b > 0 and per_direction and has:
                     b = _cone_with_visibility(
-                        plain, coefficients, x, y, z, cone[0], cone[1], cone[2], cone[3], plain.shape[0]
+                        plain,
+                        coefficients,
+                        x,
+                        y,
+                        z,
+                        cone[0],
+                        cone[1],
+                        cone[2],
+                        cone[3],
+                        plain.shape[0],
                     )
                 elif b > 0 and not visibility(has, coefficients, x, y, z) > 0:
                     b = np.float32(0)
@@ -174,7 +187,9 @@ def diffuse_color(
     weights : mean and deviation weighted with "1-s" or, to the letter, with "s", which biases upward
     """
     averaged = cone_average(probability, cone, cone_kernel)
-    plain = look_up(probability, octahedral_directions(_CELLS).reshape(-1, 3)).reshape(_CELLS, _CELLS)
+    plain = look_up(probability, octahedral_directions(_CELLS).reshape(-1, 3)).reshape(
+        _CELLS, _CELLS
+    )
     rays = cone_directions(np.array([0, 0, 1.0]), cone)
     table = (
         rays[:, 2], np.hypot(rays[:, 0], rays[:, 1]), np.arctan2(rays[:, 1], rays[:, 0]),

@@ -82,7 +82,9 @@ def environment_map(
 
     def work(block):
         sums = np.zeros((2, height, 2 * height)), np.zeros((height, 2 * height), np.int64)
-        _accumulate(block, observations.view, statistics.threshold, stride, sums[0][0], sums[0][1], sums[1])
+        _accumulate(
+            block, observations.view, statistics.threshold, stride, sums[0][0], sums[0][1], sums[1]
+        )
         return sums
 
     parts = observations.store.map(work, progress)

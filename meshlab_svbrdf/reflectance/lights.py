@@ -38,7 +38,9 @@ def tangents(direction: np.ndarray) -> np.ndarray:
     x, y, z = direction
     sign = np.copysign(1.0, z)
     a = -1 / (sign + z)
-    return np.array([[1 + sign * x * x * a, sign * x * y * a, -sign * x], [x * y * a, sign + y * y * a, -y]])
+    return np.array(
+        [[1 + sign * x * x * a, sign * x * y * a, -sign * x], [x * y * a, sign + y * y * a, -y]]
+    )
 
 
 def blob_light(rays: np.ndarray, energy: np.ndarray, pixel: float) -> Light:
@@ -53,7 +55,9 @@ def blob_light(rays: np.ndarray, energy: np.ndarray, pixel: float) -> Light:
     cos = rays @ direction
     near = cos > 0.1
     flat = rays[near] @ tangents(direction).T / cos[near, None]
-    covariance = (energy[near, None] * flat).T @ flat / energy[near].sum() + np.eye(2) * pixel**2 / 12
+    covariance = (energy[near, None] * flat).T @ flat / energy[near].sum() + np.eye(
+        2
+    ) * pixel**2 / 12
     return Light(direction, covariance, energy=float(energy.sum()))
 
 
@@ -72,7 +76,9 @@ def _connect(mask: np.ndarray, diagonal: bool = True) -> np.ndarray:
     for k in steps:
         if k:
             shifted = np.zeros_like(ids[:, 0])
-            shifted[max(k, 0) : len(shifted) + min(k, 0)] = ids[max(-k, 0) : len(shifted) + min(-k, 0), 0]
+            shifted[max(k, 0) : len(shifted) + min(k, 0)] = ids[
+                max(-k, 0) : len(shifted) + min(-k, 0), 0
+            ]
             pairs.append((ids[:, -1], shifted))
     for row in (0, -1):
         first = ids[row][ids[row] > 0]
@@ -89,7 +95,9 @@ def _rank(lights: list[Light], minimum_energy: float) -> list[Light]:
     return [light for light in lights if light.energy >= minimum_energy * lights[0].energy]
 
 
-def lights_by_peaks(environment: EnvironmentMap, level: float = 0.3, minimum_energy: float = 0.05) -> list[Light]:
+def lights_by_peaks(
+    environment: EnvironmentMap, level: float = 0.3, minimum_energy: float = 0.05
+) -> list[Light]:
     """Blobs of the unclipped map above `level` times its 99.95th percentile, strongest first.
 
     Parameters
@@ -103,7 +111,9 @@ def lights_by_peaks(environment: EnvironmentMap, level: float = 0.3, minimum_ene
     height = len(radiance)
     ids = _connect(seen & (radiance > level * np.quantile(radiance[seen], 0.9995)))
     rays, energy = directions(height), radiance * solid_angles(height)
-    blobs = [blob_light(rays[ids == k], energy[ids == k], np.pi / height) for k in np.unique(ids) if k]
+    blobs = [
+        blob_light(rays[ids == k], energy[ids == k], np.pi / height) for k in np.unique(ids) if k
+    ]
     return _rank(blobs, minimum_energy)
 
 
@@ -160,5 +170,7 @@ def lights_by_median_cut(
             kept[top:bottom, left:right] = True
     ids = _connect(kept & (energy > 0))
     rays = directions(height)
-    blobs = [blob_light(rays[ids == k], energy[ids == k], np.pi / height) for k in np.unique(ids) if k]
+    blobs = [
+        blob_light(rays[ids == k], energy[ids == k], np.pi / height) for k in np.unique(ids) if k
+    ]
     return _rank(blobs, minimum_energy)

@@ -43,7 +43,14 @@ def _threshold(block, view, minimum_quality, least, threshold, mean, minimum, rg
             if sample_quality(block, j) >= minimum_quality:
                 r, g, b = color(block, view, j)
                 y = sample_luminance(block, view, j)
-                total, red, green, blue, low, n = total + y, red + r, green + g, blue + b, min(low, y), n + 1
+                total, red, green, blue, low, n = (
+                    total + y,
+                    red + r,
+                    green + g,
+                    blue + b,
+                    min(low, y),
+                    n + 1,
+                )
         t = block.first + i
         samples[t] = n
         if n < least:
@@ -69,7 +76,9 @@ def luminance_threshold(
     cut = np.float32(np.floor(minimum_quality * 127) / 127)
 
     def work(block):
-        _threshold(block, observations.view, cut, MINIMUM_SAMPLES, threshold, mean, minimum, rgb, samples)
+        _threshold(
+            block, observations.view, cut, MINIMUM_SAMPLES, threshold, mean, minimum, rgb, samples
+        )
 
     observations.store.map(work, progress)
     return LuminanceStatistics(threshold, mean, minimum, rgb, samples)

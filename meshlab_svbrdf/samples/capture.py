@@ -82,8 +82,28 @@ def _sample(
         z = R[2, 0] * position[i, 0] + R[2, 1] * position[i, 1] + R[2, 2] * position[i, 2] + t[2]
         if z <= 0.0:
             continue
-        x = fx * (R[0, 0] * position[i, 0] + R[0, 1] * position[i, 1] + R[0, 2] * position[i, 2] + t[0]) / z + cx
-        y = fy * (R[1, 0] * position[i, 0] + R[1, 1] * position[i, 1] + R[1, 2] * position[i, 2] + t[1]) / z + cy
+        x = (
+            fx
+            * (
+                R[0, 0] * position[i, 0]
+                + R[0, 1] * position[i, 1]
+                + R[0, 2] * position[i, 2]
+                + t[0]
+            )
+            / z
+            + cx
+        )
+        y = (
+            fy
+            * (
+                R[1, 0] * position[i, 0]
+                + R[1, 1] * position[i, 1]
+                + R[1, 2] * position[i, 2]
+                + t[1]
+            )
+            / z
+            + cy
+        )
         if not (x >= 0.0 and y >= 0.0 and x < width - 1 and y < height - 1):
             continue
         # Weigh by distance to the border, depth and angle
@@ -110,7 +130,9 @@ def _sample(
             )
             out_rgb[n, channel] = to_code[int(linear * steps + 0.5)]
         out_texel[n] = i
-        out_quality[n] = np.uint8(quality * 127.0 + 0.5) | (np.uint8(128) if clipped else np.uint8(0))
+        out_quality[n] = np.uint8(quality * 127.0 + 0.5) | (
+            np.uint8(128) if clipped else np.uint8(0)
+        )
         n += 1
     return n
 
@@ -138,7 +160,9 @@ class FrameSampler:
     reference_depth : see the function of that name
     """
 
-    def __init__(self, mesh: Mesh, texels: Texels, reference_depth: float, quality: Quality | None = None):
+    def __init__(
+        self, mesh: Mesh, texels: Texels, reference_depth: float, quality: Quality | None = None
+    ):
         self.texels = texels
         self.vertices = mesh.vertices - texels.center
         self.faces = mesh.faces

@@ -11,13 +11,19 @@ REC709 = np.array([0.2126, 0.7152, 0.0722])
 def decode(srgb: np.ndarray) -> np.ndarray:
     """sRGB in 0..1 to linear light in 0..1 (IEC 61966-2-1); exact inverse of `encode`."""
     srgb = np.asarray(srgb, np.float64)
-    return np.where(srgb <= 0.04045, srgb / 12.92, ((np.maximum(srgb, 0.04045) + 0.055) / 1.055) ** 2.4)
+    return np.where(
+        srgb <= 0.04045, srgb / 12.92, ((np.maximum(srgb, 0.04045) + 0.055) / 1.055) ** 2.4
+    )
 
 
 def encode(linear: np.ndarray) -> np.ndarray:
     """Linear light in 0..1 to sRGB in 0..1 (IEC 61966-2-1)."""
     linear = np.asarray(linear, np.float64)
-    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 0.0031308) ** (1 / 2.4) - 0.055)
+    return np.where(
+        linear <= 0.0031308,
+        12.92 * linear,
+        1.055 * np.maximum(linear, 0.0031308) ** (1 / 2.4) - 0.055,
+    )
 
 
 def to_srgb8(linear: np.ndarray) -> np.ndarray:

@@ -73,7 +73,11 @@ def observe(
     coefficients : (V, 36) visibility in spherical harmonics, or None where nothing shadows anything
     """
     count = len(cameras)
-    gain = np.ones((count, 3)) if gains is None else np.broadcast_to(np.asarray(gains, float).reshape(count, -1), (count, 3))
+    gain = (
+        np.ones((count, 3))
+        if gains is None
+        else np.broadcast_to(np.asarray(gains, float).reshape(count, -1), (count, 3))
+    )
     if not (np.isfinite(gain).all() and (gain > 0).all()):
         raise ValueError("gains: expected positive numbers")
     view = View(
@@ -139,7 +143,9 @@ def fill_visibility(view, i, out):
     a, b, c = view.faces[view.face[i], 0], view.faces[view.face[i], 1], view.faces[view.face[i], 2]
     u, v, w = view.barycentric[i, 0], view.barycentric[i, 1], view.barycentric[i, 2]
     for k in range(36):
-        out[k] = u * view.coefficients[a, k] + v * view.coefficients[b, k] + w * view.coefficients[c, k]
+        out[k] = (
+            u * view.coefficients[a, k] + v * view.coefficients[b, k] + w * view.coefficients[c, k]
+        )
     return True
 
 

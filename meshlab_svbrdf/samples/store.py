@@ -56,7 +56,9 @@ def _scatter(texel, frame, rgb, quality, cursor, out_frame, out_rgb, out_quality
 
 
 @njit(cache=True, nogil=True)
-def _gather(offsets, base, frame, rgb, quality, first_frame, cursor, out_frame, out_rgb, out_quality):
+def _gather(
+    offsets, base, frame, rgb, quality, first_frame, cursor, out_frame, out_rgb, out_quality
+):
     """Append one chunk's slices to the block; `base` is where the slice starts in the chunk."""
     for i in range(len(cursor)):
         k = cursor[i]
@@ -121,7 +123,9 @@ def _write_chunk(folder: Path, index: int, texels: int, held: Sequence[SampledFr
     columns = {name: np.empty((total, *shape), dtype) for name, (dtype, shape) in _COLUMNS.items()}
     cursor = offsets[:-1].copy()
     for local, (texel, rgb, quality) in enumerate(held):
-        _scatter(texel, local, rgb, quality, cursor, columns["frame"], columns["rgb"], columns["quality"])
+        _scatter(
+            texel, local, rgb, quality, cursor, columns["frame"], columns["rgb"], columns["quality"]
+        )
     np.save(folder / f"chunk{index:04d}.offsets.npy", offsets)
     for name, column in columns.items():
         np.save(folder / f"chunk{index:04d}.{name}.npy", column)
@@ -186,7 +190,9 @@ class SampleStore:
             yield self.read(first, stop)
 
     def map(
-        self, work: Callable[[Block], object], progress: Callable[[int, int], None] = lambda d, t: None
+        self,
+        work: Callable[[Block], object],
+        progress: Callable[[int, int], None] = lambda d, t: None,
     ) -> list:
         """`work` on every block, on all cores; results in the order of the blocks, whatever the threads."""
         bounds = self.block_bounds()

@@ -1,0 +1,141 @@
+"""ρs and α of every material by eliminating each texel's diffuse term exactly (method 9).
+
+y_ij = D_i + ρ_m φ_ij(α_m) is linear in D_i and ρ_m. For a grid of shininesses the sums
+N = Σ_i [Σwφy − Σwφ Σwy/W], Q = Σ_i [Σwφ² − (Σwφ)²/W], T = Σ_i [Σwy² − (Σwy)²/W] give
+ρ = N/Q and RSS = T − N²/Q; α is at the least RSS.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from .fit_samples import FitSamples
+
+_CHAINS = 3  # shininesses per octave; each chain goes on by squaring
+_OCTAVES = 11
+ALPHAS = 2.0 ** (np.arange(_CHAINS * _OCTAVES + 1) / _CHAINS)
+"""The grid: 1 to 2048, three an octave."""
+
+
+@njit(cache=True, nogil=True)
+def _powers(cos, gain, phi):
+    """Add gain·cos^α to phi (34,) for every α of the grid, by squaring; returns how many count."""
+    lc = np.log(min(cos, np.float32(1)))
+    used = 0
+    for chain in range(_CHAINS):
+        power = np.exp(lc * 2.0 ** (chain / _CHAINS))
+        a = chain
+        while a < len(phi) and power > 1e-6:
+            phi[a] += gain * power
+            power *= power
+            used = max(used, a + 1)
+            a += _CHAINS
+    return used
+
+
+@njit(cache=True, nogil=True)
+def _eliminate(first, stop, offsets, material, y, w, mirror, rays, gains, sums):
+    """Add N, Q, T of the texels first..stop to sums (M, 3, A)."""
+    count = sums.shape[2]
+    phi, sp, spy, spp = np.empty(count), np.empty(count), np.empty(count), np.empty(count)
+    for i in range(first, stop):
+        sw, sy, syy, most = 0.0, 0.0, 0.0, 0
+        sp[:], spy[:], spp[:] = 0.0, 0.0, 0.0
+        origin = y[offsets[i]]
+        for j in range(offsets[i], offsets[i + 1]):
+            if w[j] <= 0:
+                continue
+            d = np.float64(y[j] - origin)
+            sw, sy, syy = sw + w[j], sy + w[j] * d, syy + w[j] * d * d
+            used = 0
+            for k in range(gains.shape[1]):
+                if gains[i, k] > 0:
+                    cos = (
+                        rays[i, k, 0] * mirror[j, 0]
+                        + rays[i, k, 1] * mirror[j, 1]
+                        + rays[i, k, 2] * mirror[j, 2]
+                    )
+                    if cos > 0.01:
+                        if used == 0:
+                            phi[:] = 0.0
+                        used = max(used, _powers(cos, gains[i, k], phi))
+            for a in range(used):
+                wp = w[j] * phi[a]
+                sp[a] += wp
+                spy[a] += wp * d
+                spp[a] += wp * phi[a]
+            most = max(most, used)
+        if sw <= 0:
+            continue
+        m = material[i]
+        total = syy - sy * sy / sw
+        for a in range(count):
+            sums[m, 2, a] += total
+            if a < most:
+                sums[m, 0, a] += spy[a] - sp[a] * sy / sw
+                sums[m, 1, a] += spp[a] - sp[a] * sp[a] / sw
+
+
+@dataclass(frozen=True)
+class Profile:
+    """One material's fit over the grid of shininesses.
+
+    rho_s : 0..100; alpha : at the least RSS, by a parabola in ln α; rss : (A,) over ALPHAS
+    at_end : the least RSS is at an end of the grid, so α is not determined
+    """
+
+    rho_s: float
+    alpha: float
+    rss: np.ndarray
+    total: float
+    at_end: bool
+
+
+def profile(sums: np.ndarray) -> Profile:
+    """N, Q, T over the grid, (3, A), to ρs and α."""
+    n, q, t = sums
+    rho = np.divide(n, q, out=np.zeros_like(n), where=q > 1e-12 * max(float(q.max()), 1e-300))
+    rho = np.maximum(rho, 0)
+    rss = t - rho * (2 * n - rho * q)
+    best = int(np.argmin(rss))
+    at_end = best in (0, len(rss) - 1)
+    shift = 0.0
+    if not at_end:
+        left, middle, right = rss[best - 1 : best + 2]
+        bend = left - 2 * middle + right
+        shift = float(np.clip(0.5 * (left - right) / bend, -1, 1)) if bend > 0 else 0.0
+    grid = np.arange(len(rss))
+    alpha = float(np.exp(np.interp(best + shift, grid, np.log(ALPHAS))))
+    with np.errstate(divide="ignore"):
+        log_rho = np.log(np.maximum(rho, 1e-12))
+    return Profile(
+        float(np.exp(np.interp(best + shift, grid, log_rho))), alpha, rss, float(t[0]), at_end
+    )
+
+
+def eliminate(
+    samples: FitSamples,
+    weight: np.ndarray,
+    rays: np.ndarray,
+    gains: np.ndarray,
+    materials: int,
+    chunks,
+) -> np.ndarray:
+    """The sums of all materials, (M, 3, A) float64.
+
+    weight : (N,) float32; rays, gains : of the n texels, from `phong.light_texels`
+    chunks : maps a function over ranges of texels and returns the results in order
+    """
+
+    def work(first, stop):
+        sums = np.zeros((materials, 3, len(ALPHAS)))
+        _eliminate(
+            first, stop, samples.offsets, samples.material, samples.luminance, weight, samples.mirror,
+            rays, gains, sums,
+        )  # fmt: skip
+        return sums
+
+    return sum(chunks(work), np.zeros((materials, 3, len(ALPHAS))))

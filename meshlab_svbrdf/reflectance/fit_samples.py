@@ -1,0 +1,136 @@
+"""The samples that the joint fit works on, held in memory: some texels of every material."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from ..geometry.mesh import Mesh
+from ..samples.observations import (
+    Observations,
+    color,
+    mirror_direction,
+    sample_luminance,
+    sample_quality,
+)
+
+SATURATED = 98.0
+"""Luminance, 0..100 of the frame's own scale, above which a sample counts as clipped (paper §7.2)."""
+
+
+@dataclass(frozen=True)
+class FitSamples:
+    """n texels with N samples, texel by texel.
+
+    texel : (n,) indices; material : (n,) int32; offsets : (n+1,) int64
+    luminance : (N,) float32, 0..100; rgb : (N, 3) float32; quality : (N,) float32
+    clipped : (N,) bool; mirror : (N, 3) float32, mirror directions
+    """
+
+    texel: np.ndarray
+    material: np.ndarray
+    offsets: np.ndarray
+    luminance: np.ndarray
+    rgb: np.ndarray
+    quality: np.ndarray
+    clipped: np.ndarray
+    mirror: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.luminance)
+
+
+@njit(cache=True, nogil=True)
+def is_clipped(block, view, j):
+    """Any tap of sample j was clipped, or its luminance, before exposure is divided out, is above 98."""
+    f = block.frame[j]
+    own = (
+        sample_luminance(block, view, j)
+        * 100.0
+        / max(view.scale[f, 0], view.scale[f, 1], view.scale[f, 2])
+    )
+    return block.quality[j] >= 128 or own > SATURATED
+
+
+@njit(cache=True, nogil=True)
+def _collect(block, view, chosen, start, luminance, rgb, quality, clipped, mirror):
+    """Copy the chosen texels' samples from `start` on."""
+    n = start
+    for c in range(len(chosen)):
+        i = chosen[c] - block.first
+        for j in range(block.offsets[i], block.offsets[i + 1]):
+            luminance[n] = sample_luminance(block, view, j)
+            rgb[n, 0], rgb[n, 1], rgb[n, 2] = color(block, view, j)
+            quality[n] = sample_quality(block, j)
+            clipped[n] = is_clipped(block, view, j)
+            mirror[n, 0], mirror[n, 1], mirror[n, 2] = mirror_direction(
+                view, chosen[c], block.frame[j]
+            )
+            n += 1
+
+
+def collect(observations: Observations, texel: np.ndarray, material: np.ndarray) -> FitSamples:
+    """Read the samples of some texels (n,), ascending, of the given materials (n,)."""
+    counts = observations.store.counts()[texel]
+    offsets = np.concatenate([[0], np.cumsum(counts)])
+    total = int(offsets[-1])
+    columns = (
+        np.empty(total, np.float32), np.empty((total, 3), np.float32), np.empty(total, np.float32),
+        np.empty(total, bool), np.empty((total, 3), np.float32),
+    )  # fmt: skip
+
+    def work(block):
+        low, high = np.searchsorted(texel, [block.first, block.stop])
+        _collect(block, observations.view, texel[low:high], offsets[low], *columns)
+
+    observations.store.map(work)
+    return FitSamples(texel, material.astype(np.int32), offsets, *columns)
+
+
+def normal_turn(mesh: Mesh) -> np.ndarray:
+    """How fast the normal turns, radians per radius: per vertex, the largest over its edges; (V,)."""
+    normals = mesh.vertex_normals()
+    turn = np.zeros(len(mesh.vertices))
+    for a, b in ((0, 1), (1, 2), (2, 0)):
+        i, j = mesh.faces[:, a], mesh.faces[:, b]
+        length = np.linalg.norm(mesh.vertices[i] - mesh.vertices[j], axis=1) / mesh.radius
+        chord = np.linalg.norm(normals[i] - normals[j], axis=1)
+        rate = np.divide(
+            2 * np.arcsin(np.minimum(chord / 2, 1)),
+            length,
+            out=np.zeros_like(length),
+            where=length > 0,
+        )
+        np.maximum.at(turn, i, rate)
+        np.maximum.at(turn, j, rate)
+    return turn
+
+
+def choose_texels(
+    material: np.ndarray,
+    counts: np.ndarray,
+    turn: np.ndarray,
+    limit: float,
+    samples: int,
+    offset: int = 0,
+) -> np.ndarray:
+    """Evenly spaced texels of every material, the flat ones only.
+
+    Parameters
+    ----------
+    material : (T,) int32, -1 for none; counts : (T,) samples per texel; turn : (T,) radians per radius
+    limit : largest turn; where less than 5 % of a material has it, its flattest 5 % are taken
+    samples : about how many samples to choose altogether; the materials share them evenly
+    offset : another one chooses other texels (for samples held out of the fit)
+    """
+    usable = counts >= 16
+    chosen = []
+    ids = np.unique(material[usable & (material >= 0)])
+    for m in ids:
+        own = np.flatnonzero(usable & (material == m))
+        own = own[turn[own] <= max(limit, np.quantile(turn[own], 0.05))]
+        stride = max(2, int(np.ceil(counts[own].sum() * len(ids) / samples)))
+        chosen.append(own[offset % stride :: stride])
+    return np.sort(np.concatenate(chosen)) if chosen else np.zeros(0, np.int64)

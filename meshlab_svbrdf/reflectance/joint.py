@@ -1,0 +1,278 @@
+"""The joint estimator: materials, lights and diffuse colour from the same samples (method 9).
+
+y_ij = D_i + ρ_m φ_ij(α_m), φ_ij = Σ_k g_k V_ik (l_ik·r_ij)₊^α. Rounds of: eliminate D exactly for ρs and
+α, weigh the samples by their residuals, let clipped samples count as lower bounds, and take one
+Gauss-Newton step on the lights.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numba import njit
+
+from ..samples.observations import Observations
+from ..threads import thread_count
+from .elimination import ALPHAS, Profile, eliminate, profile
+from .evidence import Evidence, highlight_color, verdict, weigh_evidence
+from .fit_samples import FitSamples, choose_texels, collect
+from .light_refinement import refine_lights
+from .lights import Light
+from .phong import Lamps, lamps, light_texels, lobe
+
+
+@dataclass(frozen=True)
+class Material:
+    """One material's reflectance; luminance units, 0..100.
+
+    rho_s, alpha : as seen under lights of gain 1 (a lamp's size widens the lobe); NaN where unobserved
+    observed : whether the samples determine them; reason : if not, why
+    z, width, explained : the evidence: ρ over its error, the interval of ln α, explained variance
+    color : (3,) of the highlight, luminance 1; (1, 1, 1) is white
+    """
+
+    rho_s: float
+    alpha: float
+    observed: bool
+    reason: str = ""
+    z: float = 0.0
+    width: float = np.inf
+    explained: float = 0.0
+    color: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    texels: int = 0
+
+
+@dataclass(frozen=True)
+class JointFit:
+    """Lights and materials, and what the rounds did."""
+
+    lights: list[Light]
+    materials: list[Material]
+    rounds: list[dict]
+    notes: list[str]
+
+
+@njit(cache=True, nogil=True)
+def _predict(
+    first, stop, offsets, material, y, mirror, rays, gains, rho, alpha, w, specular, residual
+):  # fmt: skip
+    """S and e = y − D − S with each texel's D; `w` holds the weights of the round before."""
+    for i in range(first, stop):
+        m = material[i]
+        top, bottom = 0.0, 0.0
+        for j in range(offsets[i], offsets[i + 1]):
+            s = 0.0
+            if rho[m] > 0:
+                s = rho[m] * lobe(
+                    mirror[j, 0], mirror[j, 1], mirror[j, 2], rays[i], gains[i], alpha[m]
+                )
+            specular[j] = s
+            weight = w[j] / (1.0 + (s * 0.1) ** 2)
+            top += weight * (y[j] - s)
+            bottom += weight
+        diffuse = top / bottom if bottom > 0 else 0.0
+        for j in range(offsets[i], offsets[i + 1]):
+            residual[j] = y[j] - diffuse - specular[j] if bottom > 0 else 0.0
+
+
+@njit(cache=True, nogil=True)
+def _reweigh(
+    first, stop, offsets, material, quality, clipped, specular, residual, scale, use_clipped, w
+):
+    """w = q · huber, h = h0 + .2 S; a clipped sample counts only where it was predicted too dark."""
+    for i in range(first, stop):
+        h0 = scale[material[i]]
+        for j in range(offsets[i], offsets[i + 1]):
+            e = residual[j]
+            if clipped[j] and not (use_clipped and e > 0):
+                w[j] = 0.0
+                continue
+            h = h0 + 0.2 * specular[j]
+            w[j] = quality[j] * min(1.0, h / max(abs(e), 1e-9))
+
+
+class _Chunks:
+    """Maps work over ranges of texels on all cores; the ranges do not depend on the threads."""
+
+    def __init__(self, texels: int, pool: ThreadPoolExecutor, pieces: int = 16):
+        edges = np.linspace(0, texels, pieces + 1).astype(int)
+        self.ranges = list(zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True))
+        self.pool = pool
+
+    def __call__(self, work: Callable[[int, int], object]) -> list:
+        return list(self.pool.map(lambda r: work(*r), self.ranges))
+
+
+def _huber_scale(
+    samples: FitSamples, residual: np.ndarray, weight: np.ndarray, materials: int
+) -> np.ndarray:
+    """h0 = max(.3, 1.68 · median |e|) of each material."""
+    owner = np.repeat(samples.material, np.diff(samples.offsets))
+    scale = np.full(materials, 0.3)
+    for m in range(materials):
+        e = np.abs(residual[(owner == m) & (weight > 0)])
+        if len(e):
+            scale[m] = max(0.3, 1.68 * float(np.median(e)))
+    return scale
+
+
+class _State:
+    """The arrays of one set of samples that the rounds go over."""
+
+    def __init__(
+        self,
+        observations: Observations,
+        samples: FitSamples,
+        materials: int,
+        pool: ThreadPoolExecutor,
+    ):
+        self.view, self.samples, self.materials = observations.view, samples, materials
+        self.position = observations.view.position[samples.texel]
+        self.chunks = _Chunks(len(samples.texel), pool)
+        self.weight = np.where(samples.clipped, 0, samples.quality).astype(np.float32)
+        self.specular = np.zeros(len(samples), np.float32)
+        self.residual = np.zeros(len(samples), np.float32)
+
+    def light(self, bulbs: Lamps) -> None:
+        self.lamps = bulbs
+        self.rays, self.gains = light_texels(self.view, self.samples.texel, bulbs)
+
+    def profiles(self) -> list[Profile]:
+        sums = eliminate(
+            self.samples, self.weight, self.rays, self.gains, self.materials, self.chunks
+        )
+        return [profile(s) for s in sums]
+
+    def predict(self, rho: np.ndarray, alpha: np.ndarray) -> None:
+        s = self.samples
+        self.chunks(
+            lambda a, b: _predict(
+                a,
+                b,
+                s.offsets,
+                s.material,
+                s.luminance,
+                s.mirror,
+                self.rays,
+                self.gains,
+                rho,
+                alpha,
+                self.weight,
+                self.specular,
+                self.residual,
+            )  # fmt: skip
+        )
+
+    def reweigh(self, use_clipped: bool) -> np.ndarray:
+        s = self.samples
+        scale = _huber_scale(s, self.residual, self.weight, self.materials)
+        self.chunks(
+            lambda a, b: _reweigh(
+                a,
+                b,
+                s.offsets,
+                s.material,
+                s.quality,
+                s.clipped,
+                self.specular,
+                self.residual,
+                scale,
+                use_clipped,
+                self.weight,
+            )  # fmt: skip
+        )
+        return scale
+
+
+def fit(
+    observations: Observations,
+    material: np.ndarray,
+    lights: list[Light],
+    turn: np.ndarray,
+    footprint: float,
+    *,
+    rounds: int = 6,
+    samples: int = 6_000_000,
+    near: bool = True,
+    censoring: bool = True,
+    curvature: float = 0.8,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> JointFit:
+    """Fit lights and materials.
+
+    Parameters
+    ----------
+    material : (T,) int32, -1 for none
+    lights : first guesses, from the environment map
+    turn : (T,) how fast the normal turns, radians per radius
+    footprint : a pixel's size on the object, in radii
+    rounds : of elimination, weights and Gauss-Newton; κ is free from the second on
+    near, censoring : near lights; clipped samples as lower bounds
+    curvature : c of "twice the normal's turn per pixel < c/√α"; 0 takes every texel
+    """
+    count = int(material.max(initial=-1)) + 1
+    notes: list[str] = []
+    history: list[dict] = []
+    if not lights or count == 0:
+        why = "no light was found" if not lights else "there is no material"
+        return JointFit([], [Material(np.nan, np.nan, False, why)] * count, [], [why])
+    counts = observations.store.counts()
+
+    def limit(alpha: float) -> float:
+        return curvature / np.sqrt(alpha) / (2 * footprint) if curvature > 0 else np.inf
+
+    with ThreadPoolExecutor(thread_count()) as pool:
+        chosen = choose_texels(material, counts, turn, limit(100.0), samples)
+        state = _State(observations, collect(observations, chosen, material[chosen]), count, pool)
+        profiles: list[Profile] = []
+        for r in range(rounds):
+            # Find ρs and α of every material under the present lights
+            state.light(lamps(lights, observations.texels.radius))
+            profiles = state.profiles()
+            rho, alpha = (
+                np.array([p.rho_s for p in profiles]),
+                np.array([p.alpha for p in profiles]),
+            )
+            # Weigh the samples by their residuals, then move the lights
+            state.predict(rho, alpha)
+            state.reweigh(use_clipped=censoring and r > 0)
+            history.append({"rho_s": rho.tolist(), "alpha": alpha.tolist()})
+            if r < rounds - 1:
+                usable = np.where([p.at_end for p in profiles], 0.0, rho)
+                lights, error = refine_lights(
+                    lights, state.samples, state.weight, state.residual, state.position, state.rays,
+                    state.gains, state.lamps, usable, alpha, state.chunks, near=near and r > 0,
+                )  # fmt: skip
+            progress(r + 1, rounds)
+        # Judge by texels that the fit has not used whether it explains anything
+        held = np.setdiff1d(
+            choose_texels(material, counts, turn, limit(100.0), samples // 4, offset=1), chosen
+        )
+        test = _State(observations, collect(observations, held, material[held]), count, pool)
+        test.light(state.lamps)
+        test.predict(rho, alpha)
+        noise = _huber_scale(state.samples, state.residual, state.weight, count) / 1.68 * 1.48
+        evidence = weigh_evidence(
+            test.samples, test.weight, test.specular, test.residual, noise, test.chunks
+        )
+    materials = [
+        _judge(p, e, s, int((material == m).sum()))
+        for m, (p, e, s) in enumerate(zip(profiles, evidence, noise, strict=True))
+    ]
+    return JointFit(lights, materials, history, notes)
+
+
+def _judge(fitted: Profile, evidence: Evidence, noise: float, texels: int) -> Material:
+    """One material's result, with the reason where it is unobserved."""
+    inside = np.flatnonzero(fitted.rss <= fitted.rss.min() + 4 * noise**2)
+    width = float(np.log(ALPHAS[inside[-1]] / ALPHAS[inside[0]]))
+    reason = verdict(fitted.rho_s, fitted.at_end, evidence, width)
+    observed = not reason
+    return Material(
+        fitted.rho_s if observed else np.nan, fitted.alpha if observed else np.nan, observed, reason,
+        float(evidence.z), width, float(evidence.explained),
+        highlight_color(evidence) if observed else (1.0, 1.0, 1.0), texels,
+    )  # fmt: skip

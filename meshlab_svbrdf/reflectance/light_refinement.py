@@ -1,0 +1,149 @@
+"""Gauss-Newton on the lights: two tangent angles, ln gain and κ each, texel-centred (method 9).
+
+Every texel's D_i is eliminated by centring, so that only what varies along a texel's samples counts.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numba import njit
+
+from .fit_samples import FitSamples
+from .lights import Light, tangents
+from .phong import Lamps
+
+PARAMETERS = 4  # per light: two angles, ln gain, κ
+
+
+@njit(cache=True, nogil=True)
+def _normal_equations(
+    first, stop, offsets, material, mirror, w, residual, position, rays, gains,
+    lamps, frames, rho, alpha, matrix, vector,
+):  # fmt: skip
+    """Add Σ w J̃ᵀJ̃ and Σ w J̃ᵀẽ of the texels first..stop, J̃ and ẽ centred per texel."""
+    lights = gains.shape[1]
+    size = lights * 4
+    mean_j, jac = np.empty(size), np.empty(size)
+    active = np.empty(lights, np.int64)
+    for i in range(first, stop):
+        m = material[i]
+        if not rho[m] > 0:
+            continue
+        sw, se, touched = 0.0, 0.0, False
+        mean_j[:] = 0.0
+        for j in range(offsets[i], offsets[i + 1]):
+            if w[j] <= 0:
+                continue
+            sw += w[j]
+            se += w[j] * residual[j]
+            count = 0
+            for k in range(lights):
+                if gains[i, k] <= 0:
+                    continue
+                lx, ly, lz = rays[i, k, 0], rays[i, k, 1], rays[i, k, 2]
+                rx, ry, rz = mirror[j, 0], mirror[j, 1], mirror[j, 2]
+                cos = lx * rx + ly * ry + lz * rz
+                if cos <= 0.01:
+                    continue
+                e = alpha[m] * np.log(min(cos, np.float32(1)))
+                if e < -12.0:
+                    continue
+                # Differentiate S = ρ g |L|⁻² (l·r)^α by L, then by the parameters of L = d − κ x
+                s = rho[m] * gains[i, k] * np.exp(e)
+                kx = lamps.curvature[k] / lamps.radius
+                px, py, pz = (position[i, 0], position[i, 1], position[i, 2])
+                dx, dy, dz = (
+                    lamps.direction[k, 0] - kx * px,
+                    lamps.direction[k, 1] - kx * py,
+                    lamps.direction[k, 2] - kx * pz,
+                )
+                inverse = 1.0 / np.sqrt(dx * dx + dy * dy + dz * dz)
+                a = s * inverse
+                gx = a * (alpha[m] * (rx / cos - lx) - 2.0 * lx)
+                gy = a * (alpha[m] * (ry / cos - ly) - 2.0 * ly)
+                gz = a * (alpha[m] * (rz / cos - lz) - 2.0 * lz)
+                b = 4 * k
+                jac[b] = gx * frames[k, 0, 0] + gy * frames[k, 0, 1] + gz * frames[k, 0, 2]
+                jac[b + 1] = gx * frames[k, 1, 0] + gy * frames[k, 1, 1] + gz * frames[k, 1, 2]
+                jac[b + 2] = s
+                jac[b + 3] = -(gx * px + gy * py + gz * pz) / lamps.radius
+                active[count] = k
+                count += 1
+            if count > 0:
+                touched = True
+                for p in range(count):
+                    for u in range(4 * active[p], 4 * active[p] + 4):
+                        wj = w[j] * jac[u]
+                        mean_j[u] += wj
+                        vector[u] += wj * residual[j]
+                        for q in range(count):
+                            for v in range(4 * active[q], 4 * active[q] + 4):
+                                matrix[u, v] += wj * jac[v]
+        if touched:
+            for u in range(size):
+                if mean_j[u] != 0.0:
+                    vector[u] -= mean_j[u] * se / sw
+                    for v in range(size):
+                        matrix[u, v] -= mean_j[u] * mean_j[v] / sw
+
+
+def refine_lights(
+    lights: list[Light], samples: FitSamples, weight: np.ndarray, residual: np.ndarray, position: np.ndarray,
+    rays: np.ndarray, gains: np.ndarray, lamps: Lamps, rho: np.ndarray, alpha: np.ndarray, chunks,
+    *, near: bool, damping: float = 0.01, step: float = 0.05,
+) -> tuple[list[Light], np.ndarray]:  # fmt: skip
+    """One Gauss-Newton step on all lights.
+
+    Parameters
+    ----------
+    residual : (N,) float32, Y − D − S; position : (n, 3) float32 of the texels, about the centre
+    rho, alpha : (M,) of the materials, ρ 0 where a material is to be left out
+    near : κ is free
+    step : largest step of an angle and of κ, radians
+
+    Returns
+    -------
+    lights : gains of geometric mean 1
+    error : (K,) standard error of κ
+    """
+    frames = np.array([tangents(light.direction) for light in lights])
+    size = len(lights) * PARAMETERS
+
+    def work(first, stop):
+        matrix, vector = np.zeros((size, size)), np.zeros(size)
+        _normal_equations(
+            first, stop, samples.offsets, samples.material, samples.mirror, weight, residual, position,
+            rays, gains, lamps, frames, rho, alpha, matrix, vector,
+        )  # fmt: skip
+        return matrix, vector
+
+    parts = chunks(work)
+    matrix, vector = sum(p[0] for p in parts), sum(p[1] for p in parts)
+    free = np.ones(size, bool)
+    free[3::4] = near
+    free &= np.diag(matrix) > 0
+    delta, error = np.zeros(size), np.full(size, np.inf)
+    if free.any():
+        a = matrix[np.ix_(free, free)]
+        diagonal = np.diag(np.diag(a))
+        delta[free] = np.linalg.solve(a + damping * diagonal, vector[free])
+        used = weight > 0
+        variance = float(weight[used] @ residual[used] ** 2) / max(used.sum(), 1)
+        error[free] = np.sqrt(variance * np.diag(np.linalg.inv(a + 1e-9 * diagonal)))
+    moved = []
+    for k, light in enumerate(lights):
+        angles, gain, kappa = np.split(delta[4 * k : 4 * k + 4], [2, 3])
+        angles = angles * min(1.0, step / max(float(np.linalg.norm(angles)), 1e-12))
+        direction = light.direction + angles @ frames[k]
+        moved.append(
+            replace(
+                light,
+                direction=direction / np.linalg.norm(direction),
+                gain=light.gain * float(np.exp(np.clip(gain[0], -0.5, 0.5))),
+                curvature=float(np.clip(light.curvature + np.clip(kappa[0], -step, step), 0, 0.5)),
+            )
+        )
+    mean = np.exp(np.mean(np.log([light.gain for light in moved])))
+    return [replace(light, gain=light.gain / mean) for light in moved], error[3::4]

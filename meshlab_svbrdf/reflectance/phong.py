@@ -1,0 +1,82 @@
+"""Phong lobes under near lights: what a texel should show of each light (paper eq. 1, method 9).
+
+A light k stands towards d_k as seen from the object's centre c, at the distance 1/κ_k radii. At x it
+is seen along L = d − κ (x − c)/radius, l = L/|L|, with the gain g/|L|².
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from ..samples.observations import View, fill_visibility, visibility
+from .lights import Light
+
+
+class Lamps(NamedTuple):
+    """The lights as arrays: direction (K, 3) float64 unit, gain (K,) and κ (K,) float64, radius."""
+
+    direction: np.ndarray
+    gain: np.ndarray
+    curvature: np.ndarray
+    radius: float
+
+
+def lamps(lights: list[Light], radius: float) -> Lamps:
+    """The arrays that kernels read."""
+    return Lamps(
+        np.array([light.direction for light in lights], np.float64).reshape(-1, 3),
+        np.array([light.gain for light in lights], np.float64),
+        np.array([light.curvature for light in lights], np.float64),
+        float(radius),
+    )
+
+
+@njit(cache=True, nogil=True)
+def light_texel(view, t, lamps, coefficients, rays, gains):
+    """Fill rays (K, 3) with l_k at texel t and gains (K,) with g_k V_k /|L|²; 0 below the horizon."""
+    has = fill_visibility(view, t, coefficients)
+    for k in range(len(lamps.gain)):
+        s = lamps.curvature[k] / lamps.radius
+        x = lamps.direction[k, 0] - s * view.position[t, 0]
+        y = lamps.direction[k, 1] - s * view.position[t, 1]
+        z = lamps.direction[k, 2] - s * view.position[t, 2]
+        length2 = x * x + y * y + z * z
+        scale = 1.0 / np.sqrt(length2)
+        x, y, z = x * scale, y * scale, z * scale
+        rays[k, 0], rays[k, 1], rays[k, 2] = x, y, z
+        above = view.normal[t, 0] * x + view.normal[t, 1] * y + view.normal[t, 2] * z
+        gains[k] = (
+            lamps.gain[k] / length2 * visibility(has, coefficients, x, y, z) if above > 0 else 0.0
+        )
+
+
+@njit(cache=True, nogil=True)
+def lobe(x, y, z, rays, gains, alpha):
+    """φ = Σ_k g_k V_k (l_k·r)₊^α of the mirror direction (x, y, z)."""
+    total = 0.0
+    for k in range(len(gains)):
+        if gains[k] > 0:
+            cos = rays[k, 0] * x + rays[k, 1] * y + rays[k, 2] * z
+            if cos > 0:
+                e = alpha * np.log(min(cos, 1.0))
+                if e > -20.0:
+                    total += gains[k] * np.exp(e)
+    return total
+
+
+@njit(cache=True, nogil=True)
+def _light_texels(view, texels, lamps, rays, gains):
+    coefficients = np.empty(36, np.float32)
+    for i in range(len(texels)):
+        light_texel(view, texels[i], lamps, coefficients, rays[i], gains[i])
+
+
+def light_texels(view: View, texels: np.ndarray, lamps: Lamps) -> tuple[np.ndarray, np.ndarray]:
+    """l_k (N, K, 3) and g_k V_k/|L|² (N, K), float32, at some texels (N,)."""
+    rays = np.empty((len(texels), len(lamps.gain), 3), np.float32)
+    gains = np.empty(rays.shape[:2], np.float32)
+    _light_texels(view, texels, lamps, rays, gains)
+    return rays, gains
