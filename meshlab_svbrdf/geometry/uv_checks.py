@@ -1,0 +1,165 @@
+"""Whether a mesh's texture coordinates can carry maps: one place on the surface for each texel."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from ..errors import SvbrdfError
+from .mesh import Mesh
+
+# Vertices are snapped to 1/1024 texel, so that the test of a pixel centre is exact in integers.
+SUBTEXEL = 1024
+
+# Charts of real scans touch here and there; more than this share of texels is a mistake.
+TOLERATED_OVERLAP = 0.005
+
+
+@dataclass(frozen=True)
+class UvReport:
+    """What is unusual about some texture coordinates.
+
+    overlap_share : of the texels covered, those that belong to several places of the surface
+    covered_share : of all texels of all textures, those covered
+    out_of_range_faces : reach over the image's border by half a texel or more (tiled textures do)
+    tiled_faces : of these, those that lie wholly outside it
+    zero_area_faces : have no area in the texture, or coordinates that are not finite; no texels
+    flipped_faces : mirrored (clockwise); harmless, even in tangent-space normal maps
+    missing_texture_faces : name a texture that there is not
+    """
+
+    faces: int
+    overlap_share: float
+    covered_share: float
+    out_of_range_faces: int
+    tiled_faces: int
+    zero_area_faces: int
+    flipped_faces: int
+    missing_texture_faces: int
+
+    @property
+    def ok(self) -> bool:
+        """Whether maps on these coordinates mean what they show."""
+        return (
+            self.overlap_share <= TOLERATED_OVERLAP
+            and self.out_of_range_faces == 0
+            and self.missing_texture_faces == 0
+            and self.zero_area_faces < self.faces
+        )
+
+    @property
+    def message(self) -> str:
+        """What a user should know and do, in sentences; empty where all is well."""
+        said = []
+        if self.overlap_share > 0:
+            said.append(
+                f"{100 * self.overlap_share:.2g} % of the texels belong to several places of the "
+                "surface"
+            )
+        if self.out_of_range_faces:
+            said.append(
+                f"{self.out_of_range_faces} of {self.faces} faces reach outside the texture "
+                f"({self.tiled_faces} of them wholly, as with tiled textures) and lose those texels"
+            )
+        if self.missing_texture_faces:
+            said.append(f"{self.missing_texture_faces} faces name a texture that the layer lacks")
+        if self.zero_area_faces:
+            said.append(
+                f"{self.zero_area_faces} of {self.faces} faces have no area in the texture and "
+                "get no texels"
+            )
+        if not self.ok:
+            said.append("Parametrise the mesh anew to give each place its own texels")
+        return "".join(sentence + ". " for sentence in said).strip()
+
+
+def check_uv(mesh: Mesh, sizes: tuple[tuple[int, int], ...]) -> UvReport:
+    """Rasterise the charts and count what covers each texel.
+
+    A pixel centre on an edge belongs to one of the two faces (top-left rule), so faces that share
+    an edge do not overlap, and those that lie on each other do.
+
+    Parameters
+    ----------
+    mesh : with `uv`; SvbrdfError without
+    sizes : (height, width) of each texture
+    """
+    if mesh.uv is None:
+        raise SvbrdfError("the mesh has no texture coordinates: parametrise it first")
+    count = len(mesh.faces)
+    texture = np.zeros(count, np.int32) if mesh.texture_index is None else mesh.texture_index
+    finite = np.isfinite(mesh.uv).all(axis=(1, 2))
+    zero_area = ~finite
+    out_of_range, tiled, flipped = (np.zeros(count, dtype=bool) for _ in range(3))
+    covered = repeated = 0
+    for index, (height, width) in enumerate(sizes):
+        here = np.flatnonzero((texture == index) & finite)
+        pixels = np.stack(
+            [mesh.uv[here, :, 0] * width - 0.5, (1 - mesh.uv[here, :, 1]) * height - 0.5], axis=-1
+        )
+        limit = np.array([width, height])
+        outside = (pixels <= -1) | (pixels >= limit)
+        out_of_range[here] = outside.any(axis=(1, 2))
+        low, high = pixels.min(axis=1), pixels.max(axis=1)
+        tiled[here] = ((high < -0.5) | (low > limit - 0.5)).any(axis=1)
+
+        # Snap to the grid; what lies a texture or more outside cannot come nearer by being cut off
+        snapped = np.rint(np.clip(pixels, -(2**20), 2**20) * SUBTEXEL).astype(np.int64)
+        counter = np.zeros((height, width), np.uint16)
+        area = _count(snapped, counter)
+        zero_area[here] = area == 0
+        flipped[here] = area > 0
+        covered += int(np.count_nonzero(counter))
+        repeated += int(np.count_nonzero(counter > 1))
+    return UvReport(
+        faces=count,
+        overlap_share=repeated / covered if covered else 0.0,
+        covered_share=covered / max(1, sum(h * w for h, w in sizes)),
+        out_of_range_faces=int(out_of_range.sum()),
+        tiled_faces=int(tiled.sum()),
+        zero_area_faces=int(zero_area.sum()),
+        flipped_faces=int(flipped.sum()),
+        missing_texture_faces=int(np.count_nonzero((texture < 0) | (texture >= len(sizes)))),
+    )
+
+
+@njit(cache=True, nogil=True)
+def _count(corners, counter):
+    """Count the faces over each pixel centre; corners (F, 3, 2) int64 in 1/1024 pixels, y down.
+
+    Returns twice the signed areas: in y-down pixels positive is clockwise as v goes up.
+    """
+    height, width = counter.shape
+    areas = np.empty(len(corners), np.int64)
+    for f in range(len(corners)):
+        ax, ay = corners[f, 0, 0], corners[f, 0, 1]
+        bx, by = corners[f, 1, 0], corners[f, 1, 1]
+        cx, cy = corners[f, 2, 0], corners[f, 2, 1]
+        areas[f] = (bx - ax) * (cy - ay) - (cx - ax) * (by - ay)
+        if areas[f] == 0:
+            continue
+        if areas[f] < 0:
+            bx, by, cx, cy = cx, cy, bx, by
+
+        # An edge that is not top or left loses the points on it
+        bias_a = 0 if cy < by or (cy == by and cx > bx) else 1
+        bias_b = 0 if ay < cy or (ay == cy and ax > cx) else 1
+        bias_c = 0 if by < ay or (by == ay and bx > ax) else 1
+        first_row = max(0, -(-min(ay, by, cy) // SUBTEXEL))
+        last_row = min(height - 1, max(ay, by, cy) // SUBTEXEL)
+        first_col = max(0, -(-min(ax, bx, cx) // SUBTEXEL))
+        last_col = min(width - 1, max(ax, bx, cx) // SUBTEXEL)
+        for row in range(first_row, last_row + 1):
+            y = row * SUBTEXEL
+            for col in range(first_col, last_col + 1):
+                x = col * SUBTEXEL
+                if (
+                    (cx - bx) * (y - by) - (cy - by) * (x - bx) >= bias_a
+                    and (ax - cx) * (y - cy) - (ay - cy) * (x - cx) >= bias_b
+                    and (bx - ax) * (y - ay) - (by - ay) * (x - ax) >= bias_c
+                    and counter[row, col] < 65535
+                ):
+                    counter[row, col] += 1
+    return areas
