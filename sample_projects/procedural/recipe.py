@@ -18,7 +18,7 @@ ORBITS = (("low", 0.12, 0.3), ("high", 0.66, 1.4))  # name, elevation and start 
 VIEWS = ((0.9, 0.35), (2.6, 0.05), (4.1, 0.95), (5.5, 0.45))  # held out: azimuth, elevation
 FLOODS = (  # name, azimuth, elevation (degrees), distance (radii), relative intensity
     ("key", 38, 48, 9.0, 1.0),
-    ("fill", -62, 30, 11.0, 0.62),
+    ("fill", -62, 14, 11.0, 0.62),
     ("rim", 170, 40, 8.5, 0.8),
 )
 MATERIALS = (
