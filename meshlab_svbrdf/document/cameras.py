@@ -1,7 +1,7 @@
 """MeshLab's VCGCamera element ↔ `Camera`, with every digit kept.
 
-MeshLab stands at C, looks along −z, has y up and the image's origin at its bottom left corner, pixel
-centres at halves; ours looks along +z, y down, origin at the centre of the top left pixel:
+MeshLab stands at C, looks along −z, has y up and the image's origin at its bottom left corner,
+pixel centres at halves; ours looks along +z, y down, origin at the centre of the top left pixel:
 
     R = diag(1, −1, −1) · Rot,  t = −R C,  C = −TranslationVector
     fx = F / sx,  fy = F / sy,  cx = CenterX − 1/2,  cy = H − CenterY − 1/2
@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import base64
 import binascii
+from collections.abc import Iterable
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -20,6 +21,15 @@ from ..geometry.camera import Camera
 
 FLIP = np.diag([1.0, -1.0, -1.0])
 PIXEL_MM = 2.0**-7  # a power of two: square pixels' focal lengths come back to the last bit
+COUNTS = {
+    "FocalMm": (1,),
+    "LensDistortion": (2, 4),
+    "PixelSizeMm": (2,),
+    "ViewportPx": (2,),
+    "CenterPx": (2,),
+    "RotationMatrix": (16,),
+    "TranslationVector": (3, 4),  # raw 3, as text with a 1 behind
+}
 ROTATION_TOLERANCE = 1e-4  # six written digits leave 1e-6; 1e-4 moves no sample by a pixel
 
 
@@ -34,46 +44,51 @@ def read_camera(element: Element, where: str) -> Camera:
     Raises
     ------
     DocumentError
-        An attribute is missing, has the wrong count of numbers or is not finite; the camera is not a
-        perspective one, has lens distortion (MeshLab's forward and inverse distortion disagree), no
-        focal length, no pixels, or a RotationMatrix that is not a rotation.
+        An attribute is missing, has the wrong count of numbers or is not finite; the camera is not
+        a perspective one, has lens distortion (MeshLab's forward and inverse distortion disagree),
+        no focal length, no pixels, or a RotationMatrix that is not a rotation.
     """
     binary = element.get("BinaryData", "0").strip() == "1"
 
-    def numbers(name: str, *counts: int, integer: bool = False) -> np.ndarray:
+    def numbers(name: str) -> np.ndarray:
         text = element.get(name)
         if text is None:
-            raise DocumentError(f"{where}: the camera has no {name}; MeshLab writes one: save again")
-        return decode_numbers(text, counts, f"{where}: {name}", binary=binary, integer=integer)
+            raise DocumentError(
+                f"{where}: the camera has no {name}; MeshLab writes one: save again"
+            )
+        integer = name == "ViewportPx"
+        return decode_numbers(
+            text, COUNTS[name], f"{where}: {name}", binary=binary, integer=integer
+        )
 
     # Refuse what a pinhole camera cannot say
     kind = element.get("CameraType", "0").strip()
     if kind != "0":
         raise DocumentError(
-            f"{where}: CameraType is {kind!r}, expected 0 (perspective): orthographic views have no "
-            "viewpoint to recover reflectance from; remove this raster"
+            f"{where}: CameraType is {kind!r}, expected 0 (perspective): orthographic views "
+            "have no viewpoint to recover reflectance from; remove this raster"
         )
-    if "LensDistortion" in element.attrib and numbers("LensDistortion", 2, 4).any():
+    if "LensDistortion" in element.attrib and numbers("LensDistortion").any():
         raise DocumentError(
-            f"{where}: LensDistortion is {element.get('LensDistortion')!r}, expected '0 0': MeshLab's "
-            "distortion model is inconsistent; undistort the frames and write '0 0'"
+            f"{where}: LensDistortion is {element.get('LensDistortion')!r}, expected '0 0': "
+            "MeshLab's distortion is inconsistent; undistort the frames and write '0 0'"
         )
 
-    width, height = (int(n) for n in numbers("ViewportPx", 2, integer=True))
-    focal = float(numbers("FocalMm", 1)[0])
-    sx, sy = numbers("PixelSizeMm", 2)
+    width, height = (int(n) for n in numbers("ViewportPx"))
+    focal = float(numbers("FocalMm")[0])
+    sx, sy = numbers("PixelSizeMm")
     if not (width > 0 and height > 0 and focal > 0 and sx > 0 and sy > 0):
         raise DocumentError(
             f"{where}: the camera is not calibrated (ViewportPx {width} {height}, FocalMm {focal}, "
             f"PixelSizeMm {sx} {sy}, all expected > 0); register the frame or remove the raster"
         )
-    center_x, center_y = numbers("CenterPx", 2)
+    center_x, center_y = numbers("CenterPx")
 
     # Turn MeshLab's axes into OpenCV's
-    rotation = numbers("RotationMatrix", 16).reshape(4, 4)
+    rotation = numbers("RotationMatrix").reshape(4, 4)
     _check_rotation(rotation, where)
     R = FLIP @ rotation[:3, :3]
-    C = -numbers("TranslationVector", 3, 4)[:3]
+    C = -numbers("TranslationVector")[:3]
     return Camera(
         width=width,
         height=height,
@@ -95,8 +110,8 @@ def write_camera(element: Element, camera: Camera, *, binary: bool = False) -> N
     ------
     DocumentError : `camera` would not be read back (not finite, no rotation, no focal length).
     """
-    same_kind = (element.get("BinaryData", "0").strip() == "1") == binary
-    if same_kind and "FocalMm" in element.attrib and same_camera(read_camera(element, ""), camera):
+    if "FocalMm" in element.attrib and same_camera(read_camera(element, "the camera"), camera):
+        _change_kind(element, binary)
         return
     rotation = np.eye(4)
     rotation[:3, :3] = FLIP @ camera.R
@@ -114,6 +129,23 @@ def write_camera(element: Element, camera: Camera, *, binary: bool = False) -> N
     written |= {name: encode_numbers(value, binary) for name, value in values.items()}
     read_camera(Element("VCGCamera", written), "the camera to be written")
     element.attrib.update(written)
+
+
+def _change_kind(element: Element, binary: bool) -> None:
+    """Say the same numbers as text or as base64; what is of that kind already keeps its characters."""
+    was_binary = element.get("BinaryData", "0").strip() == "1"
+    if was_binary == binary:
+        return
+    for name, counts in COUNTS.items():
+        if name in element.attrib:
+            integer = name == "ViewportPx"
+            values = decode_numbers(
+                element.attrib[name], counts, name, binary=was_binary, integer=integer
+            )
+            if name == "TranslationVector":
+                values = values[:3] if binary else np.append(values[:3], 1.0)
+            element.set(name, encode_numbers(values, binary, integer=integer))
+    element.set("BinaryData", str(int(binary)))
 
 
 def same_camera(a: Camera, b: Camera) -> bool:
@@ -163,10 +195,10 @@ def decode_numbers(
     return values
 
 
-def encode_numbers(values, binary: bool, *, integer: bool = False) -> str:
+def encode_numbers(values: Iterable[float], binary: bool, *, integer: bool = False) -> str:
     """The inverse of `decode_numbers`: shortest exact decimals, or base64 of doubles (int32)."""
     if binary:
-        raw = np.asarray(values, "<i4" if integer else "<f8").tobytes()
+        raw = np.array(list(values), "<i4" if integer else "<f8").tobytes()
         return base64.b64encode(raw).decode("ascii")
     kind = int if integer else float
     return " ".join(repr(kind(value)) for value in values)

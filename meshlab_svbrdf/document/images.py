@@ -33,10 +33,12 @@ def read_frame(
     DocumentError : the file is missing, cut off, no image, not 8-bit, or of another size.
     """
     where = str(path) if label is None else f"raster {label!r}: {path}"
-    image = _decode(path, where, cv2.IMREAD_UNCHANGED)  # UNCHANGED also leaves EXIF orientation alone
+    image = _decode(
+        path, where, cv2.IMREAD_UNCHANGED
+    )  # UNCHANGED also leaves EXIF orientation alone
     if image.dtype != np.uint8:
         raise DocumentError(
-            f"{where}: 8-bit sRGB expected, found {image.dtype}; convert the frame to 8 bits per channel"
+            f"{where}: 8-bit sRGB expected, found {image.dtype}; convert the frame to 8 bits"
         )
     _check_size(image, size, where)
     if image.ndim == 2:
@@ -85,7 +87,7 @@ def write_png(path: str | Path, array: np.ndarray) -> None:
     if not shaped or array.dtype not in (np.uint8, np.uint16) or array.size == 0:
         raise ValueError(
             "write_png expects (H, W) or (H, W, 1|3|4) of uint8 or uint16, found "
-            f"{array.shape} of {array.dtype}; write np.round(255 * x).astype(np.uint8) for x in [0, 1]"
+            f"{array.shape} of {array.dtype}; write np.round(255 * x).astype(np.uint8), x in [0, 1]"
         )
     _, data = cv2.imencode(".png", array if array.ndim == 2 else _swap_red_and_blue(array))
     with replacing(path) as temporary:
@@ -127,7 +129,9 @@ def read_exr(path: str | Path) -> np.ndarray:
         return np.stack([pixels[name] for name in "RGB"], axis=-1)
     if len(pixels) == 1:
         return next(iter(pixels.values())).copy()
-    raise DocumentError(f"{path}: expected channels R, G, B or a single one, found {sorted(pixels)}")
+    raise DocumentError(
+        f"{path}: expected channels R, G, B or a single one, found {sorted(pixels)}"
+    )
 
 
 def _decode(path: str | Path, where: str, flags: int) -> np.ndarray:
@@ -149,7 +153,7 @@ def _decode(path: str | Path, where: str, flags: int) -> np.ndarray:
 def _is_cut_off(data: bytes) -> bool:
     """Whether a JPEG or PNG ends early: decoders would fill the rest with grey and not say so."""
     if data.startswith(b"\x89PNG"):
-        return b"IEND" not in data[-64:] and b"IEND" not in data
+        return b"IEND" not in data
     if not data.startswith(b"\xff\xd8"):
         return False
     # Step over the headers (their thumbnail has an end of its own) to the pixels
@@ -163,8 +167,8 @@ def _check_size(image: np.ndarray, size: tuple[int, int] | None, where: str) -> 
     height, width = image.shape[:2]
     if size is not None and (width, height) != tuple(size):
         raise DocumentError(
-            f"{where}: has {width}×{height} pixels, its camera's ViewportPx says {size[0]}×{size[1]}; "
-            "use the frames that were registered"
+            f"{where}: has {width}×{height} pixels, its camera's ViewportPx says "
+            f"{size[0]}×{size[1]}; use the frames that were registered"
         )
 
 

@@ -35,7 +35,7 @@ class _Builder(ET.TreeBuilder):
 
 
 def parse_xml(path: Path) -> ET.Element:
-    """The root element of a project file.
+    """The root element of a project file; comments around it move inside.
 
     Raises
     ------
@@ -51,16 +51,30 @@ def parse_xml(path: Path) -> ET.Element:
     def refuse(name: str, *_: object) -> None:
         raise DocumentError(f"{path}: declares the XML entity {name!r}; remove it from the DOCTYPE")
 
+    outside: list[str] = []
+    depth = 0
+
+    def enter(*_: object) -> None:
+        nonlocal depth
+        depth += 1
+
+    def leave(*_: object) -> None:
+        nonlocal depth
+        depth -= 1
+
     try:
-        # Look for entity declarations before anything is expanded
+        # Look for entity declarations before anything is expanded, and for comments around the root
         scout = expat.ParserCreate()
         scout.EntityDeclHandler = refuse
+        scout.StartElementHandler, scout.EndElementHandler = enter, leave
+        scout.CommentHandler = lambda text: None if depth else outside.append(text)
         scout.Parse(data, True)
         root = ET.XML(data, ET.XMLParser(target=_Builder()))
     except (expat.ExpatError, ET.ParseError, ValueError, LookupError) as error:
         raise DocumentError(f"{path}: is not well-formed XML ({error})") from error
     if root.tag != "MeshLabProject":
         raise DocumentError(f"{path}: is not a MeshLab project: its root element is <{root.tag}>")
+    root[:0] = [ET.Comment(text) for text in outside]
     return root
 
 
