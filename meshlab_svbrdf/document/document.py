@@ -65,8 +65,8 @@ class Document(Products):
     def open(cls, path: str | Path, output: str | Path | None = None) -> Document:
         """Read a project.
 
-        output : a project file (.mlp, .mlb) or a folder for one of the same name; results lie beside
-            it. None: beside the input, which `save` replaces.
+        output : a project file (.mlp, .mlb) or a folder for one of the same name; results lie
+            beside it. None: beside the input, which `save` replaces.
         """
         path = Path(path).absolute()
         if path.suffix.lower() not in PROJECTS:
@@ -86,7 +86,7 @@ class Document(Products):
 
     @property
     def settings(self) -> dict[str, Any]:
-        """What the user chose: "object" (a label), "held_out" (labels), "quality" (an attribute)."""
+        """What the user chose: "object" (a label), "held_out" (labels), "quality" (attribute)."""
         return self.results.record["settings"]
 
     def set(self, **settings: Any) -> None:
@@ -259,7 +259,7 @@ class Document(Products):
         return self.path
 
     def _go_to(self, path: Path) -> None:
-        """Take the results along to another project; results that are there already are replaced."""
+        """Take the results along to another project; results that are there are replaced."""
         if path.suffix.lower() not in PROJECTS:
             raise DocumentError(f"{path}: expected a name for a MeshLab project, .mlp or .mlb")
         target, old = path.with_suffix(RESULTS), self.folder
@@ -310,7 +310,12 @@ def raster_digest(rasters: list[RasterEntry]) -> str:
 
 
 def _camera_numbers(raster: RasterEntry) -> list[Any]:
-    return [np.asarray(value).tolist() for value in vars(raster.camera).values()]
+    """Rounded to nine digits: writing a project in its other format may turn the last one."""
+    camera = raster.camera
+    digits = 9 - int(np.ceil(np.log10(max(np.abs(camera.t).max(), 1e-9))))
+    intrinsics = [camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy]
+    numbers = [np.round(intrinsics, 6), np.round(camera.R, 9), np.round(camera.t, digits)]
+    return [(values + 0.0).tolist() for values in numbers]
 
 
 def _stamp(path: Path | None) -> list[Any] | None:

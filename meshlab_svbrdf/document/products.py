@@ -161,7 +161,7 @@ class Products:
     # Layers
 
     def set_layer(self, layer: Layer) -> None:
-        """Stage a layer of the suite's own (environment, materials); its textures lie in the folder."""
+        """Stage a layer (environment, materials); its textures lie in the folder."""
         entry = file_name(layer.label)
         content = layer.read()
         staged = self.results.stage("")

@@ -1,0 +1,315 @@
+"""The shell: `meshlab-svbrdf run | apply | filters | info | render`.
+
+Exit codes: 0 done, 1 an error of the input (said without a traceback), 2 wrong usage, 130
+interrupted.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import os
+import sys
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, replace
+from enum import StrEnum
+from importlib.resources import files
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.logging import RichHandler
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
+
+from . import registry
+from .document.document import Document, Outcome
+from .errors import SvbrdfError
+from .filter import describe, to_json
+from .progress import Show
+from .script import Step, check_script, read_script, run_script
+
+app = typer.Typer(
+    help="How an object reflects light, recovered from an ordinary video of it.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+errors = Console(stderr=True)
+
+
+class Estimator(StrEnum):
+    joint = "joint"
+    paper = "paper"
+
+
+CHAINS = {Estimator.joint: "svbrdf.mlx", Estimator.paper: "svbrdf_paper.mlx"}
+
+Project = Annotated[
+    Path, typer.Argument(help="A MeshLab project, .mlp or .mlb.", show_default=False)
+]
+Output = Annotated[
+    Path | None,
+    typer.Option("-o", "--output", help="The project to write, or a folder for it."),
+]
+Layer = Annotated[str, typer.Option(help="The mesh layer to work on, where there are several.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for other programs.")]
+Force = Annotated[bool, typer.Option("--force", help="Run filters whose result is there already.")]
+
+
+@app.command()
+def run(
+    project: Project,
+    output: Annotated[
+        Path, typer.Option("-o", "--output", help="The project to write, or a folder for it.")
+    ],
+    script: Annotated[
+        Path | None, typer.Option(help="A chain of filters (.mlx) in place of the default one.")
+    ] = None,
+    estimator: Annotated[
+        Estimator | None, typer.Option(help="joint: more accurate, the default. paper: as printed.")
+    ] = None,
+    texture_size: Annotated[
+        int | None, typer.Option(help="Width and height of the maps in pixels.")
+    ] = None,
+    materials: Annotated[
+        Path | None, typer.Option(help="An image of material ids over the object's texture.")
+    ] = None,
+    hold_out: Annotated[
+        bool, typer.Option("--hold-out", help="Keep every 8th frame for judging the result.")
+    ] = False,
+    layer: Layer = "",
+    force: Force = False,
+    as_json: AsJson = False,
+) -> None:
+    """Run the whole chain on PROJECT and write a project that MeshLab opens.
+
+    Filters whose inputs and parameters did not change do not run again: after an interruption the
+    same command goes on where it was.
+    """
+    if script is not None and estimator is not None:
+        raise typer.BadParameter(
+            "a script says itself which estimator it runs", param_hint="--script"
+        )
+    with _friendly():
+        chain = files("meshlab_svbrdf.filters") / CHAINS[estimator or Estimator.joint]
+        steps = read_script(script or Path(str(chain)))
+        if texture_size is not None:
+            steps = _with(steps, "compute_svbrdf_texels", "texture_size", str(texture_size))
+        if materials is not None:
+            steps = _with(steps, "compute_svbrdf_materials", "image", str(materials.absolute()))
+        check_script(steps)
+        document = _open(project, output, layer)
+        document.hold_out(hold_out)
+        _run(document, steps, force, as_json)
+
+
+@app.command()
+def apply(
+    project: Project,
+    filter: Annotated[
+        str, typer.Argument(help="See `meshlab-svbrdf filters`.", show_default=False)
+    ],
+    parameters: Annotated[
+        list[str] | None, typer.Argument(metavar="[name=value]...", show_default=False)
+    ] = None,
+    output: Output = None,
+    layer: Layer = "",
+    force: Force = False,
+    as_json: AsJson = False,
+) -> None:
+    """Run one filter on PROJECT, in place unless an output is given."""
+    with _friendly():
+        step = Step(filter, dict(map(_name_value, parameters or ())), "the command line")
+        registry.get(filter)
+        check_script([step])
+        _run(_open(project, output, layer), [step], force, as_json)
+
+
+@app.command()
+def filters(
+    name: Annotated[str, typer.Argument(help="One filter, in full.", show_default=False)] = "",
+    as_json: AsJson = False,
+) -> None:
+    """List the filters, or describe one with its parameters."""
+    with _friendly():
+        found = [registry.get(name)] if name else list(registry.filters().values())
+        if as_json:
+            described = [to_json(filter) for filter in found]
+            typer.echo(json.dumps(described[0] if name else described, indent=1))
+        elif name:
+            typer.echo(describe(found[0]), nl=False)
+        else:
+            width = max((len(filter.name) for filter in found), default=0)
+            for filter in found:
+                typer.echo(f"{filter.name:{width}}  {filter.title}")
+
+
+@app.command()
+def info(project: Project, as_json: AsJson = False) -> None:
+    """Tell what PROJECT holds: layers, frames, and which results are up to date."""
+    with _friendly():
+        document = Document.open(project)
+        told = _tell(document)
+        if as_json:
+            typer.echo(json.dumps(told, indent=1))
+            return
+        for label, size in told["layers"].items():
+            typer.echo(f"layer    {label}: {size}")
+        typer.echo(f"rasters  {told['rasters']}, of these held out: {told['held_out']}")
+        for product, state in told["products"].items():
+            typer.echo(f"result   {product}: {state['message']} ({state['state']})")
+
+
+@app.command()
+def render(
+    project: Project,
+    cameras: Annotated[Path, typer.Option(help="A project whose rasters are the views to render.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="The folder for the images.")],
+    as_json: AsJson = False,
+) -> None:
+    """Render the object as it was lit, seen from the cameras of another project."""
+    with _friendly():
+        parameters = {"cameras": str(cameras.absolute()), "folder": str(output.absolute())}
+        document = Document.open(project)
+        with _stages(as_json) as (say, show):
+            say(document.apply("render_svbrdf_views", False, show("render"), **parameters))
+
+
+def main() -> None:
+    app()
+
+
+def _open(project: Path, output: Path | None, layer: str) -> Document:
+    document = Document.open(project, output)
+    if layer != document.settings.get("object", ""):
+        document.set(object=layer)
+    document.object_layer()
+    return document
+
+
+def _run(document: Document, steps: list[Step], force: bool, as_json: bool) -> None:
+    """Run the steps and save; what was finished is saved even if a later step fails."""
+    if not _compiled():
+        errors.print("compiling kernels, this happens once and takes a minute or two…")
+    with _stages(as_json, document) as (say, show):
+        try:
+            for outcome in run_script(document, steps, force=force, show=show):
+                say(outcome)
+        finally:
+            interrupted = isinstance(sys.exception(), KeyboardInterrupt)
+            if document.results.record["products"] and not interrupted:
+                document.save()
+    if not as_json:
+        typer.echo(f"Open {document.path} in MeshLab.")
+
+
+@contextmanager
+def _stages(as_json: bool, document: Document | None = None) -> Iterator[tuple[Any, Any]]:
+    """Say each stage's outcome on stdout, show its progress on stderr where that is a terminal."""
+    outcomes: list[Outcome] = []
+    columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn())
+    with Progress(
+        *columns,
+        TimeElapsedColumn(),
+        console=errors,
+        transient=True,
+        disable=not errors.is_terminal,
+    ) as bars:
+        tasks: dict[str, Any] = {}
+
+        def show(name: str) -> Show:
+            for task in tasks.values():
+                bars.update(task, visible=False)
+            tasks[name] = bars.add_task(name, total=1.0)
+            return lambda fraction, message: bars.update(
+                tasks[name], completed=fraction, description=f"{name} {message}"
+            )
+
+        def say(outcome: Outcome) -> None:
+            outcomes.append(outcome)
+            if not as_json:
+                typer.echo(f"{outcome.name:36} {outcome.seconds:7.1f} s  {outcome.message}")
+
+        try:
+            yield say, show
+        finally:
+            if as_json:
+                told = {"project": str(document.path)} if document else {}
+                stages = [asdict(outcome) for outcome in outcomes]
+                typer.echo(json.dumps(told | {"stages": stages}, indent=1))
+
+
+@contextmanager
+def _friendly() -> Iterator[None]:
+    """Errors of the input become one message and exit code 1, an interruption 130."""
+    log = logging.getLogger("meshlab_svbrdf")
+    handler = RichHandler(console=errors, show_time=False, show_path=False, markup=False)
+    log.addHandler(handler)
+    try:
+        yield
+    except (SvbrdfError, OSError) as error:
+        errors.print(f"Error: {error}", style="red", markup=False, highlight=False, soft_wrap=True)
+        raise typer.Exit(1) from None
+    except KeyboardInterrupt:
+        errors.print("Interrupted; finished stages are kept, the same command goes on from there.")
+        raise typer.Exit(130) from None
+    finally:
+        log.removeHandler(handler)
+
+
+def _with(steps: list[Step], filter: str, parameter: str, value: str) -> list[Step]:
+    """The steps with one parameter of one filter set."""
+    if all(step.name != filter for step in steps):
+        raise SvbrdfError(f"the chain has no {filter}, whose parameter {parameter} was to be set")
+    return [
+        replace(step, parameters=step.parameters | {parameter: value})
+        if step.name == filter
+        else step
+        for step in steps
+    ]
+
+
+def _name_value(text: str) -> tuple[str, str]:
+    name, equals, value = text.partition("=")
+    if not equals:
+        raise SvbrdfError(f"expected name=value, found {text!r}")
+    return name, value
+
+
+def _compiled() -> bool:
+    """Whether numba has compiled kernels of ours before."""
+    package = Path(__file__).parent
+    user = os.environ.get("NUMBA_CACHE_DIR")
+    places: Iterable[Path] = package.glob("*/__pycache__/*.nbi")
+    if user:
+        places = Path(user).rglob("*.nbi")
+    return any(True for _ in places)
+
+
+def _tell(document: Document) -> dict[str, Any]:
+    record = document.results.record
+    products = {}
+    for name, product in record["products"].items():
+        older = document.stale(name)
+        products[name] = {
+            "filter": product["filter"],
+            "message": record["runs"].get(product["filter"], {}).get("message", ""),
+            "state": f"older than the {older}" if older else "up to date",
+        }
+    layers = {}
+    for layer in document.layers:
+        mesh = layer.read().mesh
+        layers[layer.label] = f"{len(mesh.vertices)} vertices, {len(mesh.faces)} faces"
+    return {
+        "project": str(document.path),
+        "layers": layers,
+        "rasters": len(document.project.rasters),
+        "held_out": len(document.held_out),
+        "products": products,
+    }
+
+
+if __name__ == "__main__":
+    main()
