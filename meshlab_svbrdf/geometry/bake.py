@@ -5,10 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from .mesh import Mesh
-from .visibility import VERTEX_OFFSET, Rays
+from .visibility import Rays
 
 # Surfaces that face the other way (the far side of a thin wall) are passed through, at most these.
 LAYERS = 8
+
+# How far behind the texel a ray starts, in radii: just above float32's rounding. Of two sheets
+# closer together than this, the first one met is taken and not the nearest.
+SLACK = 1e-6
 
 
 def bake_normals(
@@ -35,7 +39,7 @@ def bake_normals(
     rays, high_normals = Rays(high), high.vertex_normals()
     local = position - rays.center
     # A texel on the surface itself must be hit in spite of rounding: rays start a little behind
-    slack = VERTEX_OFFSET * rays.radius
+    slack = SLACK * rays.radius
     normals = np.array(normal, dtype=np.float64)
     nearest = np.full(len(position), np.inf)
     for side in (1.0, -1.0):

@@ -19,8 +19,8 @@ def parametrise(mesh: Mesh, texture_size: int = 1024, padding: int = 4) -> Mesh:
     """The same mesh with texture coordinates per wedge; vertices and faces are as they were.
 
     Charts are cut where the surface bends (and along seams of `mesh.normals`, if given), then
-    packed to fill one texture. The same mesh gives the same charts. Cutting takes 10 to 20 s for
-    50k triangles, and grows a little faster than their number; packing takes next to nothing.
+    packed to fill one texture. The same mesh gives the same charts. It takes 10 to 20 s for 50k
+    triangles, depending on their shape and the machine, nearly all of it for cutting.
 
     Parameters
     ----------

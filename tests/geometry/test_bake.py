@@ -93,6 +93,16 @@ def test_the_nearer_side_wins():
     np.testing.assert_allclose(baked[0], left, atol=1e-6)
 
 
+@pytest.mark.parametrize("gap", [1e-3, 1e-4, 1e-5])
+def test_a_sheet_close_by_does_not_take_the_place_of_the_own(gap):
+    right, left = np.array([0.6, 0, 0.8]), np.array([-0.6, 0, 0.8])
+    high = join(plane(0.0, left), plane(gap, right), plane(-gap, right))
+    position = np.column_stack([np.linspace(-0.9, 0.9, 101), np.full(101, 0.3), np.zeros(101)])
+    baked, hit = bake_normals(position, np.tile(UP, (101, 1)), high, 0.1)
+    assert hit.all()
+    np.testing.assert_allclose(baked, np.tile(left, (101, 1)), atol=1e-6)
+
+
 def test_the_back_of_a_thin_wall_is_passed_through():
     high = join(plane(0.02, -UP), plane(0.05, [0.6, 0, 0.8]))
     baked, hit = bake_normals(np.zeros((1, 3)), UP[None], high, 0.1)
