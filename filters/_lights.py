@@ -1,0 +1,44 @@
+"""lights.json, and the lights' marks on the environment sphere."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from meshlab_svbrdf.document.document import Document
+from meshlab_svbrdf.reflectance.lights import Light
+
+from ._sphere import set_environment_layer
+
+
+def set_lights(document: Document, lights: list[Light], probability: np.ndarray) -> None:
+    """Stage lights.json and the sphere that shows them."""
+    center, radius = document.array("texels_center"), float(document.array("texels_radius"))
+    document.set_json(
+        "lights",
+        {
+            "lights": [
+                {
+                    "direction": light.direction, "position": light.position(center, radius),
+                    "gain": light.gain, "covariance": light.covariance,
+                }
+                for light in lights
+            ]
+        },
+    )  # fmt: skip
+    set_environment_layer(document, probability, lights)
+
+
+def read_lights(document: Document) -> list[Light]:
+    """The lights of lights.json, as the last filter that moved them left them."""
+    center, radius = document.array("texels_center"), float(document.array("texels_radius"))
+    lights = []
+    for entry in document.json("lights")["lights"]:
+        position = entry["position"]
+        distance = np.inf if position is None else np.linalg.norm(np.array(position) - center)
+        lights.append(
+            Light(
+                np.array(entry["direction"]), np.array(entry["covariance"]), entry["gain"],
+                0.0 if position is None else radius / float(distance),
+            )
+        )  # fmt: skip
+    return lights

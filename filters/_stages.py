@@ -1,0 +1,60 @@
+"""What several filters read in the same way."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from meshlab_svbrdf.document.document import Document
+from meshlab_svbrdf.progress import Progress
+from meshlab_svbrdf.reflectance.lights import Light
+from meshlab_svbrdf.reflectance.threshold import LuminanceStatistics
+from meshlab_svbrdf.samples.observations import Observations, observe
+from meshlab_svbrdf.samples.store import SampleStore
+
+UNOBSERVED_GREY = 118  # sRGB code of the texture where nothing was observed
+
+
+def read_observations(document: Document, *, visibility: bool = True) -> Observations:
+    """The samples with their frames' cameras and gains, and the visibility."""
+    cameras = {raster.label: raster.camera for raster in document.rasters}
+    used = [frame["label"] for frame in document.json("frames")["frames"] if "samples" in frame]
+    coefficients = document.array("visibility") if visibility else np.zeros((0, 36), np.float32)
+    return observe(
+        document.texels(),
+        SampleStore(document.result_folder("samples")),
+        [cameras[label] for label in used],
+        document.mesh().faces,
+        gains=document.array("samples_gain"),
+        coefficients=coefficients if len(coefficients) else None,
+        sequence=document.array("samples_sequence"),
+        order=document.array("samples_order"),
+    )
+
+
+def read_statistics(document: Document) -> LuminanceStatistics:
+    """What compute_svbrdf_luminance_threshold left."""
+    return LuminanceStatistics(
+        document.attribute("threshold"),
+        document.attribute("mean"),
+        document.attribute("minimum"),
+        document.attribute("mean_color"),
+        document.attribute("samples"),
+    )
+
+
+def read_lights(document: Document) -> list[Light]:
+    """What compute_svbrdf_light_sources found, before any refinement."""
+    return [
+        Light(np.array(entry["direction"]), np.array(entry["covariance"]), energy=entry["energy"])
+        for entry in document.json("lights_found")["lights"]
+    ]
+
+
+def counted(progress: Progress, message: str):
+    """A core function's progress(done, total) on ours."""
+    return lambda done, total: progress(done / max(total, 1), message)
+
+
+def share(values: np.ndarray) -> str:
+    """The share of True, in words: 98.3 %."""
+    return f"{100 * float(np.mean(values)) if len(values) else 0.0:.1f} %"

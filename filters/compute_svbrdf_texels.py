@@ -1,0 +1,106 @@
+"""Texels: the places on the surface that everything is measured at."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from meshlab_svbrdf.document.document import Document
+from meshlab_svbrdf.document.images import read_image
+from meshlab_svbrdf.errors import SvbrdfError
+from meshlab_svbrdf.filter import Filter, Namespace, Parameter
+from meshlab_svbrdf.geometry.mesh import Mesh
+from meshlab_svbrdf.geometry.normal_maps import apply_normal_map
+from meshlab_svbrdf.geometry.parametrise import parametrise
+from meshlab_svbrdf.geometry.texels import rasterise_texels
+from meshlab_svbrdf.geometry.uv_checks import check_uv
+from meshlab_svbrdf.progress import Progress
+
+OVERLAP_MOST = 0.05
+
+FILTER = Filter(
+    name="compute_svbrdf_texels",
+    title="SVBRDF: texels",
+    needs=("mesh",),
+    writes=("texels",),
+    parameters=(
+        Parameter(
+            "texture_size", "int", 1024, minimum=16, maximum=16384, unit="pixels",
+            help="Side of the texture images. Texels finer than the frames' pixels only cost time.",
+        ),
+        Parameter(
+            "normal_map", "path", "",
+            help="Image of the surface's detail, for the first texture; further textures' images are "
+            "NAME.1.png, NAME.2.png … beside it. Empty: the mesh's own normals.",
+        ),
+        Parameter(
+            "normal_space", "enum", "tangent", choices=("tangent", "object"),
+            help="What the normal map is relative to.",
+        ),
+        Parameter(
+            "green", "enum", "up", choices=("up", "down"),
+            help='Which way green points in a tangent-space map: "up" as OpenGL, "down" as DirectX.',
+        ),
+        Parameter(
+            "allow_overlap", "bool", False,
+            help="Go on although charts overlap; where they do, the first face gets the texel.",
+        ),
+    ),
+    help="Rasterises the object's UV charts: one texel per pixel centre inside a triangle, with its "
+    "position, normal, face and barycentric coordinates. A mesh without texture coordinates is "
+    "parametrised first (xatlas). Overlapping and out-of-range coordinates are told.",
+    reference="Palma et al. 2012, §3",
+)  # fmt: skip
+
+
+def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
+    said = []
+    mesh = document.mesh()
+    if len(mesh.faces) == 0:
+        raise SvbrdfError(f"layer {document.object_layer().label!r} has no faces")
+    size = parameters.texture_size
+    if mesh.uv is None:
+        progress(0.1, "cutting the surface into charts")
+        mesh = parametrise(mesh, size)
+        document.set_uv(mesh.uv)
+        said.append("parametrised, for the mesh has no texture coordinates")
+    count = 1 if mesh.texture_index is None else max(1, int(mesh.texture_index.max()) + 1)
+    sizes = ((size, size),) * count
+    said += _check_charts(mesh, sizes, parameters.allow_overlap)
+
+    progress(0.6, "rasterising the charts")
+    texels = rasterise_texels(mesh, sizes)
+    if len(texels) == 0:
+        raise SvbrdfError(
+            "no texel lies inside a chart: the texture coordinates are empty or out of range"
+        )
+    if parameters.normal_map:
+        normals, valid = apply_normal_map(
+            texels, mesh, _normal_images(parameters.normal_map, count),
+            parameters.normal_space, parameters.green,
+        )  # fmt: skip
+        texels = replace(texels, normal=normals.astype(np.float32))
+        said.append(f"normals of {parameters.normal_map.name}")
+        if not valid.all():
+            said.append(f"{int((~valid).sum())} texels without a tangent frame keep the mesh's")
+    document.set_texels(texels)
+    images = "" if count == 1 else f" in {count} images"
+    return "; ".join([f"{len(texels):,} texels at {size}×{size}{images}", *said])
+
+
+def _check_charts(mesh: Mesh, sizes, allow_overlap: bool) -> list[str]:
+    """What is odd about the texture coordinates; SvbrdfError where it would spoil the result."""
+    report = check_uv(mesh, sizes)
+    if report.overlap_share > OVERLAP_MOST and not allow_overlap:
+        raise SvbrdfError(
+            f"{report.overlap_share:.0%} of the texels belong to several places of the surface "
+            "(overlapping charts): parametrise the mesh anew, in MeshLab or with "
+            "apply_svbrdf_parametrisation, or pass allow_overlap=true to give them to the first face"
+        )
+    return [] if report.ok else [report.message]
+
+
+def _normal_images(path, count: int) -> list[np.ndarray]:
+    names = [path] + [path.with_name(f"{path.stem}.{k}{path.suffix}") for k in range(1, count)]
+    return [read_image(name) for name in names]
