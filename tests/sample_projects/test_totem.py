@@ -16,7 +16,9 @@ from meshlab_svbrdf.document.mesh_files import read_mesh
 from meshlab_svbrdf.document.project import Project, read_project
 from meshlab_svbrdf.errors import DocumentError
 from meshlab_svbrdf.geometry.mesh import Mesh
-from sample_projects.make_totem import TINY, Options, Totem, make_totem, placed
+from sample_projects.make_totem import TINY, Options, Totem, make_scene, make_totem, placed
+from sample_projects.procedural.capture import picture
+from sample_projects.procedural.paint import encode_srgb
 
 FEW = replace(TINY, frames=8, masks=True, noise=0.0)
 VARIANTS = {
@@ -246,3 +248,24 @@ def test_a_folder_with_something_in_it_is_left_alone(tmp_path):
     with pytest.raises(DocumentError, match="is not empty"):
         make_totem(tmp_path, TINY)
     assert [p.name for p in tmp_path.iterdir()] == ["mine.txt"]
+
+
+def test_the_committed_sample_is_what_the_recipe_makes():
+    committed = Path(__file__).parents[2] / "sample_projects" / "totem"
+    scene, _, orbits, _ = make_scene(Options())
+    mesh = read_mesh(committed / "totem.ply").mesh
+    np.testing.assert_array_equal(mesh.faces, scene.surface.mesh.faces)
+    np.testing.assert_array_equal(mesh.vertices, scene.surface.mesh.vertices)
+    lights = json.loads((committed / "ground_truth" / "lights.json").read_text())["emitters"]
+    for light, made in zip(lights, scene.lights, strict=True):
+        np.testing.assert_allclose(light["position"], made.direction * made.distance, rtol=1e-6)
+        np.testing.assert_allclose(light["phong_intensity"], made.intensity, rtol=1e-6)
+
+    project = read_project(committed / "totem.mlp")
+    assert len(project.rasters) == Options.frames
+    raster = project.rasters[0]
+    image, _ = picture(scene, orbits[0][0], 3, np.random.default_rng(0))
+    difference = np.abs(255 * encode_srgb(image) - read_frame(raster.path)).mean()
+    assert difference < 1.5  # sensor noise of one code value, and JPEG
+    size = sum(file.stat().st_size for file in committed.rglob("*") if file.is_file())
+    assert size < 6e6
