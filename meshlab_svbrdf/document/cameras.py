@@ -116,7 +116,7 @@ def write_camera(element: Element, camera: Camera, *, binary: bool = False) -> N
     rotation = np.eye(4)
     rotation[:3, :3] = FLIP @ camera.R
     pixel_mm = [PIXEL_MM, PIXEL_MM * (camera.fx / camera.fy)]
-    values = {
+    values: dict[str, Iterable[float]] = {
         "FocalMm": [camera.fx * PIXEL_MM],
         "LensDistortion": [0.0, 0.0],
         "PixelSizeMm": pixel_mm,
@@ -132,7 +132,7 @@ def write_camera(element: Element, camera: Camera, *, binary: bool = False) -> N
 
 
 def _change_kind(element: Element, binary: bool) -> None:
-    """Say the same numbers as text or as base64; what is of that kind already keeps its characters."""
+    """Say the same numbers as text or base64; what is of that kind already keeps its characters."""
     was_binary = element.get("BinaryData", "0").strip() == "1"
     if was_binary == binary:
         return

@@ -21,7 +21,7 @@ def read_obj(path: Path) -> MeshFile:
     """Read an OBJ file and the MTL files it names; see `mesh_files.read_mesh`."""
     lines = path.read_bytes().decode("utf-8", "surrogateescape").replace("\\\n", " ").splitlines()
     rows: dict[str, list[str]] = {"v": [], "vt": [], "vn": []}
-    polygons: list[list[str]] = []
+    polygons: list[str] = []
     totals: list[tuple[int, int, int]] = []
     material_of: list[int] = []
     materials: dict[str, int] = {}
@@ -35,7 +35,7 @@ def read_obj(path: Path) -> MeshFile:
         if kind in rows:
             rows[kind].append(rest)
         elif kind == "f":
-            polygons.append(rest.split("#")[0].split())
+            polygons.append(rest.partition("#")[0])
             totals.append((len(v), len(vt), len(vn)))
             material_of.append(material)
         elif kind == "usemtl":
@@ -44,8 +44,8 @@ def read_obj(path: Path) -> MeshFile:
             libraries.append(rest.strip())
 
     position = _numbers(v, (3, 4, 6, 7), path, "v")
-    counts = np.array([len(polygon) for polygon in polygons], np.int64)
-    corner = _corners([word for polygon in polygons for word in polygon], path)
+    counts = np.array([len(polygon.split()) for polygon in polygons], np.int64)
+    corner = _corners(" ".join(polygons).split(), path)
     corner = _absolute(corner, np.repeat(np.array(totals).reshape(-1, 3), counts, axis=0), path)
     polygon, triangle = fan(counts, path)
     faces = corner[triangle, 0]
@@ -75,35 +75,33 @@ def read_obj(path: Path) -> MeshFile:
 
 def _numbers(rows: list[str], widths: tuple[int, ...], path: Path, what: str) -> np.ndarray:
     """All rows' numbers, (N, W) float64; each row must have as many as the first."""
-    words = [row.split("#")[0].split() for row in rows]
-    width = len(words[0]) if words else 0
-    if not words:
+    if not rows:
         raise DocumentError(f"{path}: has no {what} lines")
-    uneven = next((i for i, row in enumerate(words) if len(row) != width), None)
+    rows = [row.partition("#")[0] for row in rows]
+    width = len(rows[0].split())
+    uneven = next((row for row in rows if len(row.split()) != width), None)
     if width not in widths or uneven is not None:
         raise DocumentError(
-            f"{path}: {what} line {uneven or 0} holds {rows[uneven or 0]!r}, expected "
-            f"{' or '.join(map(str, widths))} numbers, as many on every such line"
+            f"{path}: expected {' or '.join(map(str, widths))} numbers in each {what} line, as many "
+            f"in all; found {rows[0].strip()!r}" + (f" and {uneven.strip()!r}" if uneven else "")
         )
-    return _parse([word for row in words for word in row], np.float64, path, what).reshape(
-        -1, width
-    )
+    return _parse(" ".join(rows), np.float64, path, what).reshape(-1, width)
 
 
 def _corners(words: list[str], path: Path) -> np.ndarray:
     """Corners "v", "v/vt", "v//vn", "v/vt/vn" to (N, 3) int64, 0 where absent."""
-    three = [word + "/0" * (2 - word.count("/")) for word in words]
-    fields = " ".join(three).replace("//", "/0/").replace("/", " ").split()
-    if len(fields) != 3 * len(words):
-        raise DocumentError(f"{path}: a face's corner is not v, v/vt, v//vn or v/vt/vn")
-    return _parse(fields, np.int64, path, "f").reshape(-1, 3)
-
-
-def _parse(words: list[str], dtype: type, path: Path, what: str) -> np.ndarray:
     if not words:
-        return np.empty(0, dtype)
+        return np.empty((0, 3), np.int64)
+    three = " ".join(word + "/0" * (2 - word.count("/")) for word in words)
+    corners = _parse(three.replace("//", "/0/").replace("/", " "), np.int64, path, "f")
+    if three.count("/") != 2 * len(words) or corners.size != 3 * len(words):
+        raise DocumentError(f"{path}: a face's corner is not v, v/vt, v//vn or v/vt/vn")
+    return corners.reshape(-1, 3)
+
+
+def _parse(text: str, dtype: type, path: Path, what: str) -> np.ndarray:
     try:
-        return np.fromstring(" ".join(words), dtype, sep=" ")
+        return np.fromstring(text, dtype, sep=" ")
     except ValueError as error:
         raise DocumentError(f"{path}: the numbers of its {what} lines cannot be read") from error
 

@@ -42,7 +42,7 @@ class Project:
         if len(found) != 1:
             labels = ", ".join(repr(mesh.label) for mesh in self.meshes)
             raise DocumentError(
-                f"{self.path}: {len(found)} layers are labelled {label!r}, expected 1; layers: {labels}"
+                f"{self.path}: {len(found)} layers are labelled {label!r}, expected 1 of: {labels}"
             )
         return found[0]
 
