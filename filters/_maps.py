@@ -17,7 +17,9 @@ def set_texture(document: Document, name: str, texels: Texels, colors: np.ndarra
     """maps/NAME.png of 8-bit colours (T, 3), gutters filled."""
     inside = texels.to_images(np.ones(len(texels), bool), False)
     images = texels.to_images(colors, 0)
-    document.set_map(name, [fill_gutters(i, m) for i, m in zip(images, inside, strict=True)], kind="png")
+    document.set_map(
+        name, [fill_gutters(i, m) for i, m in zip(images, inside, strict=True)], kind="png"
+    )
 
 
 def set_diffuse_maps(document: Document, texels: Texels, diffuse: np.ndarray) -> None:
@@ -31,16 +33,24 @@ def set_diffuse_maps(document: Document, texels: Texels, diffuse: np.ndarray) ->
 
 
 def set_scalar_map(
-    document: Document, name: str, texels: Texels, values: np.ndarray, *, shown: str, logarithmic: bool = False
+    document: Document,
+    name: str,
+    texels: Texels,
+    values: np.ndarray,
+    *,
+    shown: str,
+    logarithmic: bool = False,
 ) -> None:
     """maps/NAME.exr of (T,), NaN where unobserved, and a coloured layer `map: SHOWN`."""
     document.set_map(name, texels.to_images(values.astype(np.float32)))
     known = np.isfinite(values)
     scale = np.log(np.maximum(values, 1e-6)) if logarithmic else values
-    low, high = (np.quantile(scale[known], [0.01, 0.99]) if known.any() else (0.0, 1.0))
+    low, high = np.quantile(scale[known], [0.01, 0.99]) if known.any() else (0.0, 1.0)
     if high - low < 1e-6 * max(abs(high), 1e-6):
         low, high = low - 0.5, high + 0.5
-    codes = np.rint(255 * np.clip((np.where(known, scale, low) - low) / (high - low), 0, 1)).astype(np.uint8)
+    codes = np.rint(255 * np.clip((np.where(known, scale, low) - low) / (high - low), 0, 1)).astype(
+        np.uint8
+    )
     table = cv2.applyColorMap(np.arange(256, dtype=np.uint8), cv2.COLORMAP_VIRIDIS)[:, 0, ::-1]
     colors = np.where(known[:, None], table[codes], np.uint8(UNOBSERVED_GREY))
     set_texture(document, name, texels, colors)

@@ -27,12 +27,16 @@ def _sphere() -> Mesh:
     faces = np.concatenate([np.stack([a, b, c], -1), np.stack([a, c, d], -1)]).reshape(-1, 3)
     uv = np.stack([u, 1 - v], -1).reshape(-1, 2)
     vertices = grid.reshape(-1, 3)
-    return Mesh(vertices, faces.astype(np.int32), vertices, uv[faces], np.zeros(len(faces), np.int32))
+    return Mesh(
+        vertices, faces.astype(np.int32), vertices, uv[faces], np.zeros(len(faces), np.int32)
+    )
 
 
 def marked_map(probability: np.ndarray, lights: list[Light], height: int = 512) -> np.ndarray:
     """The map for people, (height, 2·height, 3) uint8: grey, lights ringed in orange."""
-    grey = cv2.resize(probability.astype(np.float32), (2 * height, height), interpolation=cv2.INTER_LINEAR)
+    grey = cv2.resize(
+        probability.astype(np.float32), (2 * height, height), interpolation=cv2.INTER_LINEAR
+    )
     image = np.repeat(to_srgb8(grey)[..., None], 3, axis=-1)
     rays = directions(height)
     for light in lights:

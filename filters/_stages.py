@@ -42,7 +42,7 @@ def read_statistics(document: Document) -> LuminanceStatistics:
     )
 
 
-def read_lights(document: Document) -> list[Light]:
+def read_lights_found(document: Document) -> list[Light]:
     """What compute_svbrdf_light_sources found, before any refinement."""
     return [
         Light(np.array(entry["direction"]), np.array(entry["covariance"]), energy=entry["energy"])

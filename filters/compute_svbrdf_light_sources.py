@@ -55,7 +55,11 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
         "lights_found",
         {
             "lights": [
-                {"direction": light.direction, "covariance": light.covariance, "energy": light.energy}
+                {
+                    "direction": light.direction,
+                    "covariance": light.covariance,
+                    "energy": light.energy,
+                }
                 for light in lights
             ]
         },

@@ -29,7 +29,9 @@ FILTER = Filter(
 
 def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
     statistics = luminance_threshold(
-        read_observations(document, visibility=False), parameters.minimum_quality, counted(progress, "texels")
+        read_observations(document, visibility=False),
+        parameters.minimum_quality,
+        counted(progress, "texels"),
     )
     document.set_attribute("threshold", statistics.threshold)
     document.set_attribute("mean", statistics.mean)

@@ -83,7 +83,9 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
         for r in rasters
         if places[r.label] % parameters.step
     }
-    rasters, unreadable = _readable([r for r in rasters if r.label not in left_out], parameters.unreadable)
+    rasters, unreadable = _readable(
+        [r for r in rasters if r.label not in left_out], parameters.unreadable
+    )
     left_out |= unreadable
     if not rasters:
         raise SvbrdfError("no frame is left to sample")
@@ -92,14 +94,18 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
     mesh, texels = document.mesh(), document.texels()
     cameras = [raster.camera for raster in rasters]
     some = mesh.vertices[:: max(1, len(mesh.vertices) // 2000)]
-    quality = Quality(parameters.border, 0.05, parameters.occlusion, max(parameters.minimum_quality, 1 / 127))
+    quality = Quality(
+        parameters.border, 0.05, parameters.occlusion, max(parameters.minimum_quality, 1 / 127)
+    )
     sampler = FrameSampler(mesh, texels, reference_depth(some, cameras), quality)
 
     def sample(index: int):
         raster = rasters[index]
         size = (raster.camera.width, raster.camera.height)
         image = read_frame(raster.path, label=raster.label, size=size)
-        mask = None if raster.mask is None else read_mask(raster.mask, label=raster.label, size=size)
+        mask = (
+            None if raster.mask is None else read_mask(raster.mask, label=raster.label, size=size)
+        )
         return sampler.sample(raster.camera, image, mask)
 
     store = write_store(
@@ -124,8 +130,12 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
     step = _median_step(cameras, [r.sequence for r in rasters], texels.center)
 
     document.set_array("samples_gain", gain)
-    document.set_array("samples_sequence", np.array([sequences.index(r.sequence) for r in rasters], np.int32))
-    document.set_array("samples_order", np.array([places[r.label] // parameters.step for r in rasters], np.int32))
+    document.set_array(
+        "samples_sequence", np.array([sequences.index(r.sequence) for r in rasters], np.int32)
+    )
+    document.set_array(
+        "samples_order", np.array([places[r.label] // parameters.step for r in rasters], np.int32)
+    )
     document.set_json(
         "frames",
         {
@@ -146,7 +156,10 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
     )  # fmt: skip
     counts = store.counts()
     document.set_attribute("frames", counts.astype(np.int32))
-    said = [f"{len(store):,} samples of {len(rasters)} frames", f"{share(counts > 0)} of the texels seen"]
+    said = [
+        f"{len(store):,} samples of {len(rasters)} frames",
+        f"{share(counts > 0)} of the texels seen",
+    ]
     said += [f"exposure: {source}"] if source != "none" else []
     if spread > VARYING:
         said.append(
@@ -167,7 +180,11 @@ def _readable(rasters, unreadable: str):
         for raster in rasters:
             if raster.label not in missing:
                 try:
-                    read_frame(raster.path, label=raster.label, size=(raster.camera.width, raster.camera.height))
+                    read_frame(
+                        raster.path,
+                        label=raster.label,
+                        size=(raster.camera.width, raster.camera.height),
+                    )
                 except DocumentError as error:
                     missing[raster.label] = str(error)
     elif missing:

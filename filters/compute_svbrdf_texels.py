@@ -95,8 +95,8 @@ def _check_charts(mesh: Mesh, sizes, allow_overlap: bool) -> list[str]:
     if report.overlap_share > OVERLAP_MOST and not allow_overlap:
         raise SvbrdfError(
             f"{report.overlap_share:.0%} of the texels belong to several places of the surface "
-            "(overlapping charts): parametrise the mesh anew, in MeshLab or with "
-            "apply_svbrdf_parametrisation, or pass allow_overlap=true to give them to the first face"
+            "(overlapping charts): parametrise the mesh anew in MeshLab, remove its texture "
+            "coordinates and let this filter do it, or pass allow_overlap=true"
         )
     return [] if report.ok else [report.message]
 

@@ -44,7 +44,11 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
     needed, blocked = needs_visibility(mesh)
     if parameters.mode == "never" or (parameters.mode == "auto" and not needed):
         document.set_array("visibility", np.zeros((0, BANDS**2), np.float32))
-        why = "as asked" if parameters.mode == "never" else f"only {blocked:.1%} of the rays are blocked"
+        why = (
+            "as asked"
+            if parameters.mode == "never"
+            else f"only {blocked:.1%} of the rays are blocked"
+        )
         return f"skipped: {why}"
     coefficients = vertex_visibility(
         mesh, parameters.directions, parameters.bands, lambda done: progress(done, "shooting rays")

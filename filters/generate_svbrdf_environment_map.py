@@ -56,4 +56,6 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
     document.set_array("environment_weight", found.weight)
     document.set_image("environment", found.probability.astype(np.float32))
     set_environment_layer(document, found.probability, [])
-    return f"{2 * height}×{height}, {share(found.seen.ravel())} of the directions mirrored somewhere"
+    return (
+        f"{2 * height}×{height}, {share(found.seen.ravel())} of the directions mirrored somewhere"
+    )

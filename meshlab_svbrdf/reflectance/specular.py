@@ -95,78 +95,107 @@ def solve_peak(excess_max, excess_min, d2_max, d2_min, variance):
 
 
 @njit(cache=True, nogil=True)
+def _judge_run(block, view, t, run, n, d, shapes, least_of_peak, farthest_point, nearer_than):
+    """ρs, α, d²_max and light of one peak, whose samples are run[:n]; α NaN where it does not tell."""
+    nothing = (np.nan, np.nan, np.inf, -1)
+    # Take the highest sample that is not clipped, and its nearest light
+    top, high = -1, 0.0
+    for k in range(n):
+        excess = sample_luminance(block, view, run[k]) - d
+        if excess > high and not is_clipped(block, view, run[k]):
+            top, high = run[k], excess
+    if top < 0:
+        return nothing
+    x, y, z = mirror_direction(view, t, block.frame[top])
+    lamp, d2_max = -1, FARTHEST * FARTHEST
+    for k in range(len(shapes.least)):
+        d2 = mahalanobis2(x, y, z, k, shapes)
+        if d2 < d2_max:
+            lamp, d2_max = k, d2
+    if lamp < 0 or d2_max >= nearer_than:
+        return nothing
+    # Take the sample nearest to half its excess (or, to the letter, the least)
+    low, nearest = -1, np.inf
+    for k in range(n):
+        excess = sample_luminance(block, view, run[k]) - d
+        away = excess if least_of_peak else abs(excess - 0.5 * high)
+        if run[k] != top and away < nearest and not is_clipped(block, view, run[k]):
+            low, nearest = run[k], away
+    if low < 0:
+        return nothing
+    x, y, z = mirror_direction(view, t, block.frame[low])
+    d2_min = mahalanobis2(x, y, z, lamp, shapes)
+    if not d2_max <= d2_min < np.inf:
+        return nothing
+    variance = shapes.most[lamp] if farthest_point else shapes.least[lamp]
+    rho, alpha = solve_peak(high, sample_luminance(block, view, low) - d, d2_max, d2_min, variance)
+    return rho, alpha, d2_max, lamp
+
+
+@njit(cache=True, nogil=True)
+def _next_run(block, view, d, sequence, order, j, stop, run):
+    """The next run of consecutive frames brighter than d from sample j on: its length and end."""
+    n = 0
+    while j < stop:
+        if sample_luminance(block, view, j) > d:
+            if n > 0:
+                f, g = block.frame[j - 1], block.frame[j]
+                skipped = order[g] - order[f] != g - f
+                if sequence[f] != sequence[g] or skipped or g - f > GAP + 1:
+                    break
+            run[n] = j
+            n += 1
+        elif n > 0:
+            break
+        j += 1
+    return n, j
+
+
+@njit(cache=True, nogil=True)
+def _about_light(block, view, t, d, lamp, shapes, j, stop, run):
+    """The samples brighter than d whose nearest light is `lamp`: how many."""
+    n = 0
+    for k in range(j, stop):
+        if sample_luminance(block, view, k) > d:
+            x, y, z = mirror_direction(view, t, block.frame[k])
+            own = mahalanobis2(x, y, z, lamp, shapes)
+            for other in range(len(shapes.least)):
+                if mahalanobis2(x, y, z, other, shapes) < own:
+                    own = np.inf
+            if own < np.inf:
+                run[n] = k
+                n += 1
+    return n
+
+
+@njit(cache=True, nogil=True)
 def _specular(
-    block,
-    view,
-    sequence,
-    order,
-    rank,
-    diffuse,
-    shapes,
-    least_of_peak,
-    farthest_point,
-    rho,
-    alpha,
-    dist,
-    light,
-):
-    count = len(shapes.least)
+    block, view, sequence, order, diffuse, shapes, by_direction, least_of_peak, farthest_point,
+    rho, alpha, dist, light,
+):  # fmt: skip
+    longest = 0
+    for i in range(block.stop - block.first):
+        longest = max(longest, block.offsets[i + 1] - block.offsets[i])
+    run = np.empty(longest, np.int64)
     for i in range(block.stop - block.first):
         t = block.first + i
         d = diffuse[t]
         if not d >= 0:
             continue
-        best = np.inf
+        best, lamp = np.inf, 0
         j, stop = block.offsets[i], block.offsets[i + 1]
-        while j < stop:
-            # Find the next run of consecutive frames brighter than the diffuse colour
-            if not sample_luminance(block, view, j) > d:
-                j += 1
-                continue
-            begin = j
-            j += 1
-            while j < stop and sample_luminance(block, view, j) > d:
-                f, g = block.frame[j - 1], block.frame[j]
-                skipped = order[g] - order[f] != rank[g] - rank[f]
-                if sequence[f] != sequence[g] or skipped or rank[g] - rank[f] > GAP + 1:
-                    break
-                j += 1
-            # Take the highest sample that is not clipped, and its nearest light
-            top, high = -1, 0.0
-            for k in range(begin, j):
-                excess = sample_luminance(block, view, k) - d
-                if excess > high and not is_clipped(block, view, k):
-                    top, high = k, excess
-            if top < 0:
-                continue
-            x, y, z = mirror_direction(view, t, block.frame[top])
-            lamp, d2_max = -1, FARTHEST * FARTHEST
-            for k in range(count):
-                d2 = mahalanobis2(x, y, z, k, shapes)
-                if d2 < d2_max:
-                    lamp, d2_max = k, d2
-            if lamp < 0 or d2_max >= best:
-                continue
-            # Take the sample nearest to half its excess (or, to the letter, the least)
-            low, nearest = -1, np.inf
-            for k in range(begin, j):
-                excess = sample_luminance(block, view, k) - d
-                away = excess if least_of_peak else abs(excess - 0.5 * high)
-                if k != top and away < nearest and not is_clipped(block, view, k):
-                    low, nearest = k, away
-            if low < 0:
-                continue
-            x, y, z = mirror_direction(view, t, block.frame[low])
-            d2_min = mahalanobis2(x, y, z, lamp, shapes)
-            if not (d2_max <= d2_min < np.inf):
-                continue
-            variance = shapes.most[lamp] if farthest_point else shapes.least[lamp]
-            r, a = solve_peak(
-                high, sample_luminance(block, view, low) - d, d2_max, d2_min, variance
+        while (lamp < len(shapes.least)) if by_direction else (j < stop):
+            if by_direction:
+                n = _about_light(block, view, t, d, lamp, shapes, j, stop, run)
+                lamp += 1
+            else:
+                n, j = _next_run(block, view, d, sequence, order, j, stop, run)
+            r, a, d2, k = _judge_run(
+                block, view, t, run, n, d, shapes, least_of_peak, farthest_point, best
             )
             if a > 0:
-                best = d2_max
-                rho[t], alpha[t], dist[t], light[t] = r, a, np.sqrt(d2_max), lamp
+                best = d2
+                rho[t], alpha[t], dist[t], light[t] = r, a, np.sqrt(d2), k
 
 
 def texel_specular(
@@ -174,6 +203,7 @@ def texel_specular(
     diffuse: np.ndarray,
     lights: list[Light],
     *,
+    peaks: str = "time",
     c_min: str = "half",
     p: str = "nearest",
     progress=lambda done, total: None,
@@ -183,6 +213,8 @@ def texel_specular(
     Parameters
     ----------
     diffuse : (T,) luminance of the diffuse colour, 0..100, NaN where unobserved
+    peaks : "time" takes runs of consecutive frames (a video); "direction" the samples whose mirror
+        direction is nearest to one light (photographs from all around)
     c_min : "half" takes the sample nearest to half the peak's excess; "least" the lowest (the
         letter; it lies in the noise)
     p : "nearest" takes the point of the ellipse of equal distance nearest to the light, "farthest"
@@ -193,13 +225,12 @@ def texel_specular(
     light = np.full(count, -1, np.int16)
     if lights:
         table = shapes(lights)
-        rank = np.arange(len(observations.order), dtype=np.int32)
 
         def work(block):
             _specular(
-                block, observations.view, observations.sequence, observations.order, rank,
-                diffuse.astype(np.float32), table, c_min == "least", p == "farthest",
-                rho, alpha, distance, light,
+                block, observations.view, observations.sequence, observations.order,
+                diffuse.astype(np.float32), table, peaks == "direction", c_min == "least",
+                p == "farthest", rho, alpha, distance, light,
             )  # fmt: skip
 
         observations.store.map(work, progress)

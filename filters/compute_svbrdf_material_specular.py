@@ -1,0 +1,159 @@
+"""ρs and α of every material, by the paper's statistics or by the joint fit."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from meshlab_svbrdf.document.document import Document
+from meshlab_svbrdf.filter import Filter, Namespace, Parameter
+from meshlab_svbrdf.geometry.texels import Texels
+from meshlab_svbrdf.progress import Progress
+from meshlab_svbrdf.reflectance.density import highest_bell
+from meshlab_svbrdf.reflectance.diffuse_refit import refit_diffuse
+from meshlab_svbrdf.reflectance.fit_samples import normal_turn
+from meshlab_svbrdf.reflectance.joint import Material, fit
+
+from ._lights import set_lights
+from ._maps import set_diffuse_maps, set_scalar_map
+from ._materials import read_labels
+from ._stages import counted, read_lights_found, read_observations
+
+FILTER = Filter(
+    name="compute_svbrdf_material_specular",
+    title="SVBRDF: specular per material",
+    needs=(
+        "mesh", "rasters", "texels", "visibility", "samples", "environment", "diffuse", "lights",
+        "texel_specular", "materials",
+    ),
+    writes=("material_specular",),
+    parameters=(
+        Parameter(
+            "estimator", "enum", "joint", choices=("joint", "paper"),
+            help='"joint" eliminates every texel\'s diffuse term and refines the lights; "paper" takes '
+            "the highest mode of the texels' ρs.",
+        ),
+        Parameter("rounds", "int", 6, minimum=1, maximum=50, help="Of the joint fit."),
+        Parameter(
+            "samples", "int", 6_000_000, minimum=10_000,
+            help="About how many samples the joint fit holds in memory, about 40 bytes each.",
+        ),
+        Parameter("near", "bool", True, help="Lights at a finite distance (joint)."),
+        Parameter("censoring", "bool", True, help="Clipped samples count as lower bounds (joint)."),
+        Parameter(
+            "curvature", "float", 0.8, minimum=0.0, maximum=10.0,
+            help="Leaves out texels whose normal turns within a pixel by more than c/√α (joint); 0: none.",
+        ),
+        Parameter(
+            "density", "enum", "log", choices=("log", "linear"),
+            help="Of ln ρs, or of ρs as the paper has it (paper).",
+        ),
+        Parameter(
+            "bell", "enum", "median", choices=("median", "mean"),
+            help="What is taken inside the bell of the highest mode; the paper takes the mean (paper).",
+        ),
+    ),
+    help="Writes materials.json, lights.json, maps/rho_s.exr and maps/alpha.exr (NaN where unobserved) "
+    "and the final maps/diffuse. A material whose samples do not determine its gloss is "
+    "unobserved, and why is said.",
+    reference="Palma et al. 2012, §7",
+)  # fmt: skip
+
+
+def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
+    texels, labels, diffuse = (
+        document.texels(),
+        read_labels(document),
+        document.attribute("diffuse"),
+    )
+    lights = read_lights_found(document)
+    ids = np.unique(labels[labels >= 0])
+    dense = np.searchsorted(ids, labels).astype(np.int32)
+    dense[labels < 0] = -1
+
+    if parameters.estimator == "paper":
+        materials = [_bell(document, dense == m, parameters) for m in range(len(ids))]
+        notes = []
+    else:
+        observations = read_observations(document)
+        mesh = document.mesh()
+        turn = np.einsum("tc,tc->t", texels.barycentric, normal_turn(mesh)[mesh.faces[texels.face]])
+        found = fit(
+            observations, dense, lights, turn, _footprint(document, texels),
+            rounds=parameters.rounds, samples=parameters.samples, near=parameters.near,
+            censoring=parameters.censoring, curvature=parameters.curvature,
+            progress=counted(progress.part(0, 0.6), "fitting"),
+        )  # fmt: skip
+        materials, notes, lights = found.materials, found.notes, found.lights or lights
+        diffuse = refit_diffuse(
+            observations, diffuse, dense,
+            np.array([m.rho_s for m in materials]), np.array([m.alpha for m in materials]),
+            np.array([m.color for m in materials]).reshape(-1, 3), lights,
+            counted(progress.part(0.6, 0.95), "diffuse colour"),
+        )  # fmt: skip
+
+    # Write maps, materials and lights
+    rho_s = np.array([m.rho_s for m in materials] + [np.nan], np.float32)[dense] / 100
+    alpha = np.array([m.alpha for m in materials] + [np.nan], np.float32)[dense]
+    document.set_attribute("final_diffuse", diffuse)
+    document.set_attribute("material_rho_s", rho_s)
+    document.set_attribute("material_alpha", alpha)
+    set_diffuse_maps(document, texels, diffuse)
+    set_scalar_map(document, "rho_s", texels, rho_s, shown="rho_s")
+    set_scalar_map(document, "alpha", texels, alpha, shown="shininess", logarithmic=True)
+    set_lights(document, lights, document.image("environment").astype(np.float64))
+    document.set_json(
+        "materials",
+        {
+            "estimator": parameters.estimator,
+            "materials": [_entry(int(k), m) for k, m in zip(ids, materials, strict=True)],
+            "notes": notes,
+        },
+    )
+    return _outcome(parameters.estimator, ids, materials, lights, notes)
+
+
+def _bell(document: Document, own: np.ndarray, parameters: Namespace) -> Material:
+    """The paper's estimate of one material, from its texels (T,) bool."""
+    rho_s, alpha = document.attribute("rho_s")[own] * 100, document.attribute("alpha")[own]
+    bell = highest_bell(rho_s, alpha, density=parameters.density, bell=parameters.bell)
+    count = int(own.sum())
+    if bell is None:
+        known = int(np.isfinite(alpha).sum())
+        return Material(
+            np.nan,
+            np.nan,
+            False,
+            f"only {known} of its texels show a peak that tells",
+            texels=count,
+        )
+    return Material(bell.rho_s, bell.alpha, True, texels=count)
+
+
+def _footprint(document: Document, texels: Texels) -> float:
+    """A pixel's size on the object, in radii: the median over the frames."""
+    sizes = [
+        np.linalg.norm(r.camera.center - texels.center) / r.camera.fx for r in document.rasters
+    ]
+    return float(np.median(sizes)) / texels.radius
+
+
+def _entry(identity: int, material: Material) -> dict:
+    return {
+        "id": identity, "rho_s": material.rho_s / 100, "alpha": material.alpha,
+        "texels": material.texels, "observed": material.observed, "reason": material.reason,
+        "specular_color": material.color, "z": material.z, "ln_alpha_interval": material.width,
+        "explained_variance": material.explained,
+    }  # fmt: skip
+
+
+def _outcome(estimator: str, ids, materials: list[Material], lights, notes: list[str]) -> str:
+    words = []
+    for identity, m in zip(ids, materials, strict=True):
+        number = (
+            f"rho_s {m.rho_s / 100:.3f}, alpha {m.alpha:.0f}"
+            if m.observed
+            else f"unobserved: {m.reason}"
+        )
+        words.append(f"material {identity}: {number}")
+    near = sum(light.curvature > 0 for light in lights)
+    return "; ".join([f"{estimator}, {len(lights)} lights ({near} near)", *words, *notes])

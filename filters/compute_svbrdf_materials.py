@@ -1,0 +1,70 @@
+"""The basis materials: clusters of texels of like diffuse colour."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from meshlab_svbrdf.document.document import Document
+from meshlab_svbrdf.document.images import read_image
+from meshlab_svbrdf.filter import Filter, Namespace, Parameter
+from meshlab_svbrdf.progress import Progress
+from meshlab_svbrdf.reflectance.labels import from_image
+from meshlab_svbrdf.reflectance.materials import segment_surface
+
+from ._materials import set_labels
+
+FILTER = Filter(
+    name="compute_svbrdf_materials",
+    title="SVBRDF: materials",
+    needs=("mesh", "texels", "diffuse"),
+    writes=("materials",),
+    parameters=(
+        Parameter(
+            "image", "path", "",
+            help="An image in UV space whose values or colours are the materials (grey 255, or 65535 "
+            "in 16 bits, is none), for the first texture; NAME.1.png … for others. Empty: automatic.",
+        ),
+        Parameter(
+            "threshold", "float", 10.0, minimum=0.5, maximum=100.0, unit="CIE Lab",
+            help="How far a colour may lie from its region's mean. Lower it to tell more materials apart.",
+        ),
+        Parameter(
+            "lightness_weight", "float", 0.2, minimum=0.0, maximum=1.0,
+            help="How much lightness counts. D holds the light's shading, so that one material varies "
+            "in lightness; 1 is plain CIE Lab (the paper), which grey objects may need.",
+        ),
+        Parameter(
+            "minimum_share", "float", 0.005, minimum=0.0, maximum=0.5,
+            help="Regions with less than this share of the texels are absorbed by their neighbours.",
+        ),
+        Parameter(
+            "join", "bool", True,
+            help="Join regions of like colour that do not touch.",
+        ),
+    ),
+    help="Seeds where the colour is most uniform, regions that grow over the surface, across UV seams, "
+    "while colours stay near their mean. maps/material.png holds the ids; the layer `materials` shows "
+    "them. Merge and split them with apply_svbrdf_material_merge and apply_svbrdf_material_split.",
+    reference="Palma et al. 2012, §7",
+)  # fmt: skip
+
+
+def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
+    texels = document.texels()
+    if parameters.image is not None:
+        path = parameters.image
+        names = [path] + [
+            path.with_name(f"{path.stem}.{k}{path.suffix}") for k in range(1, len(texels.sizes))
+        ]
+        labels, _ = from_image(
+            [read_image(n) for n in names], texels.texture, texels.row, texels.col, texels.sizes
+        )
+        labels = np.where(np.isfinite(document.attribute("diffuse")).all(1), labels, -1)
+        return set_labels(document, texels, labels) + f", given by {path.name}"
+    progress(0.1, "growing regions")
+    labels = segment_surface(
+        texels.position, texels.normal, document.attribute("diffuse"),
+        threshold=parameters.threshold, lightness_weight=parameters.lightness_weight,
+        minimum_share=parameters.minimum_share, join=parameters.join,
+    )  # fmt: skip
+    return set_labels(document, texels, labels)
