@@ -2,9 +2,9 @@
 
 check            refuse a filter that this MeshLab does not have, or a parameter it does not take
 run_xml          run a one-filter script on a MeshSet
-pull_changes     what its filters changed, into the document
 push, pull       a layer of the document ↔ a mesh of a MeshSet
 fingerprint      whether a filter of MeshLab's changed a mesh
+Bridge           keeps the layers of a document and the meshes of a MeshSet the same
 run_on_document  one of MeshLab's filters on the layers of a document
 """
 
@@ -13,10 +13,12 @@ from __future__ import annotations
 import difflib
 import hashlib
 import re
+import secrets
 import tempfile
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pymeshlab
@@ -26,7 +28,9 @@ from .document.images import read_image, write_png
 from .document.layers import Layer, write_layer
 from .document.mesh_files import MeshFile, read_mesh
 from .errors import SvbrdfError
+from .geometry.mesh import Mesh
 
+_MeshSet = pymeshlab.MeshSet  # its own methods, also where a subclass has others
 PACKAGE = Path(pymeshlab.__file__).parent
 
 
@@ -84,13 +88,111 @@ def run_xml(meshes: pymeshlab.MeshSet, name: str, xml: str) -> None:
         path = Path(folder) / "filter.mlx"
         path.write_text(xml, encoding="utf-8")
         try:
-            pymeshlab.MeshSet.clear_filter_script(meshes)
-            pymeshlab.MeshSet.load_filter_script(meshes, str(path))
-            pymeshlab.MeshSet.apply_filter_script(meshes)
+            _MeshSet.clear_filter_script(meshes)
+            _MeshSet.load_filter_script(meshes, str(path))
+            _MeshSet.apply_filter_script(meshes)
         except pymeshlab.PyMeshLabException as error:
             raise SvbrdfError(f"MeshLab's filter {name!r} failed: {str(error).strip()}") from None
         finally:
-            pymeshlab.MeshSet.clear_filter_script(meshes)
+            _MeshSet.clear_filter_script(meshes)
+
+
+@dataclass
+class Bridge:
+    """The layers of a document that a MeshSet holds.
+
+    layers : by the mesh's id
+    known : by id, what `fingerprint` said when both sides were the same
+    """
+
+    document: Document
+    meshes: pymeshlab.MeshSet
+    layers: dict[int, Layer] = field(default_factory=dict)
+    known: dict[int, Fingerprint] = field(default_factory=dict)
+
+    def push(self, layer: Layer) -> int:
+        """Add a layer to the MeshSet; its id there."""
+        identity = push(self.meshes, layer)
+        self.layers[identity] = layer
+        self.settle(identity)
+        return identity
+
+    def settle(self, identity: int) -> None:
+        """Take the mesh as the document's layer has it."""
+        self.known[identity] = fingerprint(_MeshSet.mesh(self.meshes, identity))
+
+    def drop(self, identity: int) -> None:
+        """Remove a layer's mesh from the MeshSet."""
+        _MeshSet.set_current_mesh(self.meshes, identity)
+        _MeshSet.apply_filter(self.meshes, "delete_current_mesh")
+        del self.layers[identity], self.known[identity]
+
+    def pull(self) -> None:
+        """Take what MeshLab changed into the document, as layers in memory.
+
+        Meshes that are new become layers, meshes that are gone take theirs along.
+        """
+        there = {mesh.id(): mesh for mesh in _MeshSet.__iter__(self.meshes)}
+        for identity in [identity for identity in self.layers if identity not in there]:
+            self.document.layers.remove(self.layers.pop(identity))
+            del self.known[identity]
+        for identity, mesh in there.items():
+            layer = self.layers.get(identity)
+            if layer is None:
+                layer = self.layers[identity] = Layer(mesh.label())
+                self.document.layers.append(layer)
+            layer.label, layer.visible = mesh.label(), mesh.is_visible()
+            layer.matrix = np.array(mesh.transform_matrix())
+            self._pull_content(identity, mesh, layer)
+
+    def _pull_content(self, identity: int, mesh: pymeshlab.Mesh, layer: Layer) -> None:
+        now, before = fingerprint(mesh), self.known.get(identity)
+        if now == before:
+            return
+        old = layer.content or MeshFile(Mesh(np.zeros((0, 3)), np.zeros((0, 3), np.int32)))
+        textures = old.textures
+        if before is None or now.textures != before.textures:
+            textures = self._save_textures(mesh)
+        content = pull(self.meshes, identity, tuple(old.vertex_attributes))
+        layer.content, layer.path = replace(content, textures=textures), None
+        self.known[identity] = now
+
+    def _save_textures(self, mesh: pymeshlab.Mesh) -> tuple[Path, ...]:
+        """Textures that a filter of MeshLab's made or changed, as PNG files among the results."""
+        folder = self.document.folder / "textures"
+        folder.mkdir(parents=True, exist_ok=True)
+        saved = []
+        for name, image in mesh.textures().items():
+            path = folder / f"{secrets.token_hex(4)}_{Path(name).stem}.png"
+            image.save(str(path))
+            saved.append(path)
+        return tuple(saved)
+
+
+class Fingerprint(NamedTuple):
+    """Hashes of what a filter of MeshLab's may change in a mesh."""
+
+    geometry: str
+    textures: str
+
+
+def fingerprint(mesh: pymeshlab.Mesh) -> Fingerprint:
+    arrays = [mesh.vertex_matrix(), mesh.face_matrix(), mesh.vertex_normal_matrix()]
+    if mesh.has_wedge_tex_coord():
+        arrays.append(mesh.wedge_tex_coord_matrix())
+    if mesh.has_vertex_color():
+        arrays.append(mesh.vertex_color_array())
+    if mesh.has_vertex_scalar():
+        arrays.append(mesh.vertex_scalar_array())
+    geometry, textures = hashlib.sha256(), hashlib.sha256()
+    for array in arrays:
+        geometry.update(np.ascontiguousarray(array).tobytes() + b"|")
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "texture.bmp"
+        for image in mesh.textures().values():
+            image.save(str(path))
+            textures.update(path.read_bytes())
+    return Fingerprint(geometry.hexdigest(), textures.hexdigest())
 
 
 def run_on_document(document: Document, name: str, xml: str) -> None:
@@ -98,60 +200,15 @@ def run_on_document(document: Document, name: str, xml: str) -> None:
 
     What it changes or adds are layers in memory, which `Document.save` writes.
     """
-    meshes = pymeshlab.MeshSet()
-    layers = {push(meshes, layer): layer for layer in document.layers if not layer.ours}
-    current = next(i for i, layer in layers.items() if layer is document.object_layer())
-    meshes.set_current_mesh(current)
-    before = {identity: fingerprint(meshes.mesh(identity)) for identity in layers}
-    run_xml(meshes, name, xml)
-    pull_changes(document, meshes, layers, before)
-
-
-def pull_changes(
-    document: Document,
-    meshes: pymeshlab.MeshSet,
-    layers: dict[int, Layer],
-    before: dict[int, str],
-) -> None:
-    """Take what MeshLab changed into the document: `layers` by id, `before` their fingerprints.
-
-    Meshes that are new become layers, meshes that are gone take theirs along.
-    """
-    there = {mesh.id(): mesh for mesh in pymeshlab.MeshSet.__iter__(meshes)}
-    for identity in [identity for identity in layers if identity not in there]:
-        document.layers.remove(layers.pop(identity))
-        del before[identity]
-    for identity, mesh in there.items():
-        layer = layers.get(identity)
-        if layer is None:
-            layer = layers[identity] = Layer(mesh.label())
-            document.layers.append(layer)
-        now = fingerprint(mesh)
-        if before.get(identity) == now:
-            continue
-        before[identity] = now
-        known = layer.content.vertex_attributes if layer.content else {}
-        textures = layer.content.textures if layer.content else ()
-        content = pull(meshes, identity, tuple(known))
-        keeps = mesh.has_wedge_tex_coord() and mesh.texture_number() == len(textures)
-        layer.content = replace(content, textures=textures if keeps else ())
-        layer.path, layer.matrix = None, np.array(mesh.transform_matrix())
-
-
-def fingerprint(mesh: pymeshlab.Mesh) -> str:
-    """SHA-256 of what a filter of MeshLab's may change in a mesh."""
-    sha = hashlib.sha256()
-    arrays = [mesh.vertex_matrix(), mesh.face_matrix(), mesh.transform_matrix()]
-    arrays += [mesh.vertex_normal_matrix()]
-    if mesh.has_wedge_tex_coord():
-        arrays.append(mesh.wedge_tex_coord_matrix())
-    if mesh.has_vertex_color():
-        arrays.append(mesh.vertex_color_array())
-    if mesh.has_vertex_scalar():
-        arrays.append(mesh.vertex_scalar_array())
-    for array in arrays:
-        sha.update(np.ascontiguousarray(array).tobytes() + b"|")
-    return sha.hexdigest()
+    bridge = Bridge(document, pymeshlab.MeshSet())
+    object_layer = document.object_layer()
+    current = 0
+    for layer in [layer for layer in document.layers if not layer.ours]:
+        identity = bridge.push(layer)
+        current = identity if layer is object_layer else current
+    bridge.meshes.set_current_mesh(current)
+    run_xml(bridge.meshes, name, xml)
+    bridge.pull()
 
 
 def push(meshes: pymeshlab.MeshSet, layer: Layer) -> int:
@@ -166,14 +223,14 @@ def push(meshes: pymeshlab.MeshSet, layer: Layer) -> int:
         textures = _png_textures(content, Path(folder))
         plain = replace(content, vertex_attributes={})
         write_layer(path, plain, textures=textures, double=True)
-        pymeshlab.MeshSet.load_new_mesh(meshes, str(path))
-    mesh = pymeshlab.MeshSet.current_mesh(meshes)
+        _MeshSet.load_new_mesh(meshes, str(path))
+    mesh = _MeshSet.current_mesh(meshes)
     mesh.set_label(layer.label)
     if not np.array_equal(layer.matrix, np.eye(4)):
-        meshes.set_matrix(transformmatrix=layer.matrix, freeze=False)
+        _MeshSet.apply_filter(meshes, "set_matrix", transformmatrix=layer.matrix, freeze=False)
     for name, values in content.vertex_attributes.items():
         mesh.add_vertex_custom_scalar_attribute(np.asarray(values, np.float64), name)
-    pymeshlab.MeshSet.set_mesh_visibility(meshes, mesh.id(), layer.visible)
+    _MeshSet.set_mesh_visibility(meshes, mesh.id(), layer.visible)
     return mesh.id()
 
 
@@ -193,13 +250,13 @@ def _png_textures(content: MeshFile, folder: Path) -> tuple[Path, ...]:
 
 def pull(meshes: pymeshlab.MeshSet, identity: int, attributes: tuple[str, ...] = ()) -> MeshFile:
     """A mesh of a MeshSet as arrays, textures aside; `attributes` that it still has come along."""
-    current = pymeshlab.MeshSet.current_mesh_id(meshes)
-    pymeshlab.MeshSet.set_current_mesh(meshes, identity)
-    mesh = pymeshlab.MeshSet.current_mesh(meshes)
+    current = _MeshSet.current_mesh_id(meshes)
+    _MeshSet.set_current_mesh(meshes, identity)
+    mesh = _MeshSet.current_mesh(meshes)
     try:
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "layer.ply"
-            pymeshlab.MeshSet.save_current_mesh(
+            _MeshSet.save_current_mesh(
                 meshes,
                 str(path),
                 save_textures=False,
@@ -210,7 +267,7 @@ def pull(meshes: pymeshlab.MeshSet, identity: int, attributes: tuple[str, ...] =
             )
             content = read_mesh(path)
     finally:
-        pymeshlab.MeshSet.set_current_mesh(meshes, current)
+        _MeshSet.set_current_mesh(meshes, current)
     values = {name: _attribute(mesh, name) for name in attributes}
     kept = {name: array for name, array in values.items() if array is not None}
     return replace(content, vertex_attributes=kept, textures=())

@@ -8,7 +8,6 @@ Document.save    the project with every result as a layer that MeshLab shows
 from __future__ import annotations
 
 import logging
-import shutil
 import time
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -25,7 +24,7 @@ from .freshness import Freshness, filter_key, resolve_lengths
 from .layers import Layer, mesh_digest
 from .products import Products
 from .project import MeshEntry, Project, RasterEntry, new_project, read_project, write_project
-from .record import ResultFolder, digest
+from .record import ResultFolder, digest, replace_folder
 from .views import write_views
 
 log = logging.getLogger("meshlab_svbrdf")
@@ -249,7 +248,7 @@ class Document(Products):
             there is complete, and the one here stays as it is.
         """
         if path is not None and Path(path).absolute() != self.path:
-            self._go_to(Path(path).absolute())
+            self.move_to(Path(path).absolute())
         self.path.parent.mkdir(parents=True, exist_ok=True)
         if self.results.record["products"] or any(layer.path is None for layer in self.layers):
             with self.results.locked():
@@ -258,23 +257,20 @@ class Document(Products):
         write_project(self.project, self.path)
         return self.path
 
-    def _go_to(self, path: Path) -> None:
-        """Take the results along to another project; results that are there are replaced."""
+    def move_to(self, path: Path, *, link: bool = False) -> None:
+        """Work on a copy of the results beside another project, the results there replaced.
+
+        link : share the files until either side replaces them (it never writes into them)
+        """
         if path.suffix.lower() not in PROJECTS:
             raise DocumentError(f"{path}: expected a name for a MeshLab project, .mlp or .mlb")
-        target, old = path.with_suffix(RESULTS), self.folder
+        old, target = self.folder, path.with_suffix(RESULTS)
         path.parent.mkdir(parents=True, exist_ok=True)
         if target != old and old.is_dir():
-            fresh = target.with_name(f".{target.name}.part")
-            shutil.rmtree(fresh, ignore_errors=True)
             with self.results.locked():
-                shutil.copytree(old, fresh, ignore=shutil.ignore_patterns(".lock", ".staging"))
-            with ResultFolder(target).locked():
-                shutil.rmtree(target)
-                fresh.rename(target)
+                replace_folder(old, target, link=link)
         for layer in self.layers:
-            if layer.path is not None and layer.path.is_relative_to(old):
-                layer.path = target / layer.path.relative_to(old)
+            layer.move(old, target)
         self.path, self.results = path, ResultFolder(target)
 
 

@@ -66,12 +66,12 @@ class Freshness:
         """Whether the filter's products are those of this key, with every file in its place."""
         if not filter.writes or filter.edits:
             return False
-        products = [self._products.get(name) for name in filter.writes]
         return all(
-            product is not None
-            and product["key"] == key
-            and all((self._results.path / entry).exists() for entry in product["files"])
-            for product in products
+            name in self._products
+            and self._products[name]["key"] == key
+            and not self.stale(name)
+            and all((self._results.path / file).exists() for file in self._products[name]["files"])
+            for name in filter.writes
         )
 
 

@@ -1,7 +1,7 @@
 """Layers: what the document adds to a project for people to look at.
 
 Layer             any mesh layer, read from its file when first asked for
-texels_layer      one point per texel: all statistics as attributes, one of them as Quality
+texels_content    one point per texel: all statistics as attributes, one of them as Quality
 vertex_properties a texel attribute (T,) or (T, k) as PLY properties `svbrdf_…`
 write_layer       a layer's content as PLY
 mesh_digest       what tells whether a mesh is still the one that results were made from
@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import hashlib
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -29,7 +29,7 @@ MAP = "map: "
 MAX_NAME = 100  # MeshLab's function filters fail on longer attribute names
 
 
-@dataclass
+@dataclass(eq=False)
 class Layer:
     """A mesh layer; a point cloud is a mesh without faces.
 
@@ -47,6 +47,14 @@ class Layer:
     content: MeshFile | None = None
     entry: MeshEntry | None = None
 
+    def move(self, old: Path, new: Path) -> None:
+        """Follow the folder `old` that is at `new` now."""
+        if self.path is not None:
+            self.path = _moved(self.path, old, new)
+        if self.content is not None:
+            textures = tuple(_moved(path, old, new) for path in self.content.textures)
+            self.content = replace(self.content, textures=textures)
+
     def read(self) -> MeshFile:
         if self.content is None:
             assert self.path is not None
@@ -59,6 +67,10 @@ class Layer:
         named = self.label in OURS or self.label.startswith(MAP)
         stored = self.path is None or self.path.parent.parent.suffix == ".svbrdf"
         return named and stored
+
+
+def _moved(path: Path, old: Path, new: Path) -> Path:
+    return new / path.relative_to(old) if path.is_relative_to(old) else path
 
 
 def file_name(label: str) -> str:
@@ -82,39 +94,33 @@ def vertex_properties(name: str, values: np.ndarray) -> dict[str, np.ndarray]:
     return {f"svbrdf_{name}_{k}": columns[:, k] for k in range(columns.shape[1])}
 
 
-def texels_layer(
+def texels_content(
     texels: Texels,
     attributes: dict[str, np.ndarray],
     images: list[np.ndarray] | None,
     quality: str | None,
-) -> Layer:
-    """One point per texel, about the texels' centre; the layer's matrix puts it into the world.
+) -> MeshFile:
+    """One point per texel, about the texels' centre: its layer's matrix is the translation there.
 
     attributes : (T,) or (T, k) by name
     images : uint8 (h, w, 3) per texture, the points' colours
     quality : the attribute that MeshLab shows as Quality
     """
-    matrix = np.eye(4)
-    matrix[:3, 3] = texels.center
     properties: dict[str, np.ndarray] = {}
     for name, values in attributes.items():
         properties |= vertex_properties(name, values)
     color = None
     if images is not None:
-        color = np.zeros((len(texels), 4), np.uint8)
-        color[:, 3] = 255
+        color = np.full((len(texels), 4), 255, np.uint8)
         for index, image in enumerate(images):
             here = texels.texture == index
             color[here, :3] = image[texels.row[here], texels.col[here], :3]
-    mesh = Mesh(texels.position.astype(np.float64), np.zeros((0, 3), np.int32), texels.normal)
-    content = MeshFile(
-        mesh=mesh,
-        textures=(),
+    return MeshFile(
+        mesh=Mesh(texels.position.astype(np.float64), np.zeros((0, 3), np.int32), texels.normal),
         vertex_attributes=properties,
         vertex_color=color,
         quality=properties.get(f"svbrdf_{quality}"),
     )
-    return Layer("texels", None, matrix, False, content)
 
 
 def write_layer(

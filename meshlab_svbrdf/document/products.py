@@ -210,6 +210,7 @@ class Products:
             try:
                 yield
                 made = self._product(before, filter, key or secrets.token_hex(32), inputs or {})
+                _mark_overwritten(record["products"], products, self._writing.files)
                 record["products"] |= {name: copy.deepcopy(made) for name in products}
                 if filter:
                     record["runs"][filter] = run
@@ -273,6 +274,22 @@ def _write(path: Path, image: np.ndarray) -> None:
         write_exr(path, image)
     else:
         write_png(path, image)
+
+
+def _mark_overwritten(products: dict[str, Any], written: tuple[str, ...], files: set[str]) -> None:
+    """Make stale what was made from `written` and had put its own results into the same files."""
+    for name, product in products.items():
+        if (
+            name not in written
+            and files & set(product["files"])
+            and _made_from(products, name, written)
+        ):
+            product["inputs"] |= dict.fromkeys(written, "overwritten")
+
+
+def _made_from(products: dict[str, Any], name: str, origins: tuple[str, ...]) -> bool:
+    inputs = products[name]["inputs"] if name in products else {}
+    return any(need in origins or _made_from(products, need, origins) for need in inputs)
 
 
 def plain(value: Any) -> Any:

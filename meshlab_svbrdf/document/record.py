@@ -179,6 +179,35 @@ class ResultFolder:
         shutil.rmtree(self._committed)
 
 
+def replace_folder(source: Path, target: Path, *, link: bool) -> None:
+    """Put a copy of the results `source` in place of `target`; files that are not ours stay."""
+    fresh, old = (target.with_name(f".{target.name}.{word}") for word in ("part", "old"))
+    shutil.rmtree(fresh, ignore_errors=True)
+    hidden = shutil.ignore_patterns(".lock", ".staging", ".commit")
+    shutil.copytree(source, fresh, ignore=hidden, copy_function=_link if link else shutil.copy2)
+    if not target.is_dir():
+        os.rename(fresh, target)
+        return
+    there = ResultFolder(target)
+    with there.locked():
+        ours = there.files() | set(there.record["settings"].get("shown", {})) | {RECORD, ".lock"}
+        os.rename(target, old)
+        os.rename(fresh, target)
+    for path in sorted(old.rglob("*")):
+        entry = path.relative_to(old).as_posix()
+        known = entry in ours or any(entry.startswith(o) for o in ours if o.endswith("/"))
+        if path.is_file() and not known and not (target / entry).exists():
+            _move(path, target / entry)
+    shutil.rmtree(old)
+
+
+def _link(source: str, target: str) -> None:
+    try:
+        os.link(source, target)
+    except OSError:
+        shutil.copy2(source, target)
+
+
 class BusyError(SvbrdfError):
     """Another process works on this folder."""
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .layers import Layer, file_name, texels_layer, write_layer
+from .layers import Layer, file_name, texels_content, write_layer
 from .record import digest
 
 if TYPE_CHECKING:
@@ -30,20 +30,21 @@ def write_views(document: Document) -> list[Layer]:
     views.maps_and_layers()
     views.texels()
     document.set(shown=views.shown)
-    for entry in views.before.keys() - views.shown.keys():
-        (document.folder / entry).unlink(missing_ok=True)
 
     # Put each of ours where it was, new ones at the end
     ours = {layer.label: layer for layer in views.ours}
     old = [layer for layer in document.layers if not layer.ours or layer.label in ours]
-    result = [_stand_in(ours.pop(layer.label), layer) if layer.ours else layer for layer in old]
-    return result + list(ours.values())
+    result = [
+        views.stand_in(ours.pop(layer.label), layer) if layer.ours else layer for layer in old
+    ]
+    result += ours.values()
 
-
-def _stand_in(new: Layer, old: Layer) -> Layer:
-    """Ours in the place of its former self: the user may have hidden or shown it."""
-    new.visible, new.entry = old.visible, old.entry
-    return new
+    # Remove what is shown no more, but never a file that a layer lives in
+    needed = {layer.path for layer in result}
+    for entry in views.before.keys() - views.shown.keys():
+        if document.folder / entry not in needed:
+            (document.folder / entry).unlink(missing_ok=True)
+    return result
 
 
 class _Views:
@@ -52,6 +53,7 @@ class _Views:
         self.before: dict[str, str] = document.settings.get("shown", {})
         self.shown: dict[str, str] = {}
         self.ours: list[Layer] = []
+        self.written: set[Path] = set()
         products = document.results.record["products"]
         freshness = document._freshness()
         self.products = {n: entry for n, entry in products.items() if not freshness.stale(n)}
@@ -89,15 +91,23 @@ class _Views:
         names = [name for name in document.attributes() if f"texels/{name}.npy" in self.files]
         quality = document.settings.get("quality", QUALITY)
         keys = sorted(entry["key"] for entry in self.products.values())
-        entry, images = file_name("texels"), None
-        if self._textures("diffuse"):
-            images = [image for image in document.map("diffuse", "png") if image.ndim == 3] or None
-        layer = texels_layer(
-            document.texels(), {name: document.attribute(name) for name in names}, images, quality
-        )
+        entry, matrix = file_name("texels"), np.eye(4)
+        matrix[:3, 3] = document.array("texels_center")
         if self._changed(entry, [keys, quality]):
-            write_layer(self._path(entry), layer.read())
-        self._add("texels", entry, layer.matrix)
+            images = document.map("diffuse", "png") if self._textures("diffuse") else None
+            attributes = {name: document.attribute(name) for name in names}
+            content = texels_content(document.texels(), attributes, images, quality)
+            write_layer(self._path(entry), content)
+        self._add("texels", entry, matrix)
+
+    def stand_in(self, new: Layer, old: Layer) -> Layer:
+        """Ours in the place of its former self, with what the user did to that in MeshLab."""
+        new.visible, new.entry = old.visible, old.entry
+        if old.path is None and new.path not in self.written:
+            assert new.path is not None
+            new.content, new.matrix = old.content, old.matrix
+            write_layer(new.path, old.read())
+        return new
 
     def _add_map(self, label: str, name: str) -> None:
         textures = self._textures(name)
@@ -127,8 +137,11 @@ class _Views:
 
     def _changed(self, entry: str, what: Any) -> bool:
         self.shown[entry] = digest(what)
-        there = (self.document.folder / entry).exists()
-        return not there or self.before.get(entry) != self.shown[entry]
+        path = self.document.folder / entry
+        changed = not path.exists() or self.before.get(entry) != self.shown[entry]
+        if changed:
+            self.written.add(path)
+        return changed
 
     def _free_path(self, label: str) -> Path:
         """A file for a layer of the user's that no other layer has."""

@@ -1,0 +1,243 @@
+"""`MeshSet`: a pymeshlab.MeshSet with our filters, rasters and whole projects.
+
+    ms = meshlab_svbrdf.MeshSet()
+    ms.load_project("dwarf.mlp")
+    ms.compute_svbrdf_texels(texture_size=2048)
+    ms.meshing_remove_unreferenced_vertices()      # MeshLab's filters go on working between ours
+    ms.save_project("result.mlp")
+
+MeshLab never holds the rasters: frames are streamed by the filters that need them. Results live in
+a working folder until `save_project` gives them a place; nothing that was loaded is changed before.
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pymeshlab
+
+from . import registry
+from .document.document import Document
+from .document.layers import Layer
+from .document.project import RasterEntry
+from .document.views import write_views
+from .errors import SvbrdfError
+from .geometry.camera import Camera
+from .meshlab import Bridge, run_xml
+from .script import Step, read_script, run_script
+
+READABLE = (".ply", ".obj")  # by ourselves, whatever their textures are
+
+
+class MeshSet(pymeshlab.MeshSet):
+    """See the module; everything that pymeshlab.MeshSet can do works as it does there."""
+
+    def __init__(self, verbose: bool = False) -> None:
+        super().__init__(verbose)
+        self._bridge: Bridge
+        self._behind = False  # MeshLab has not seen the newest results yet
+        self._start(None)
+
+    def _start(self, document: Document | None) -> None:
+        """Work on `document`, or on an empty one, in a working folder of this set."""
+        near = document.path.parent if document is not None else None
+        self._work = _work_folder(near)
+        if document is None:
+            document = Document.new(Path(self._work.name) / "project.mlp")
+        else:
+            document.move_to(Path(self._work.name) / document.path.name, link=True)
+        self._bridge = Bridge(document, self)
+        self._stamps: dict[int, tuple[int, int] | None] = {}
+
+    # Projects
+
+    @property
+    def document(self) -> Document:
+        """Layers, rasters and results, as they are now."""
+        self._bridge.pull()
+        return self._bridge.document
+
+    def load_project(self, file_name: str | Path) -> None:
+        """Load a project with its rasters, and its results where there are any.
+
+        A second project is appended to the first, as in MeshLab, without its results.
+        """
+        opened = Document.open(file_name)
+        for layer in opened.layers:
+            layer.read()
+        if self._bridge.layers or self._bridge.document.project.rasters:
+            first = self.document
+            first.layers += opened.layers
+            taken = {raster.label for raster in first.project.rasters}
+            for raster in opened.project.rasters:
+                if raster.label in taken:
+                    raise SvbrdfError(f"{file_name}: a raster {raster.label!r} is loaded already")
+            first.project.rasters += opened.project.rasters
+        else:
+            self._start(opened)
+        for layer in opened.layers:
+            self._stamps[self._bridge.push(layer)] = _stamp(layer)
+
+    def save_project(self, file_name: str | Path) -> None:
+        """Write the project, every layer and the results beside it, whole or not at all."""
+        path = Path(file_name).absolute()
+        document, work = self.document, self._work
+        layers = dict(self._bridge.layers)
+        document.save(path)
+        self._work = _work_folder(path.parent)
+        document.move_to(Path(self._work.name) / path.name, link=True)
+        work.cleanup()
+        self._behind = True
+
+        # Saving made our layers anew: MeshLab's meshes are theirs now
+        now = {layer.label: layer for layer in document.layers if layer.ours}
+        self._bridge.layers = {
+            identity: now.get(layer.label, layer) if layer.ours else layer
+            for identity, layer in layers.items()
+        }
+
+    def clear(self) -> None:
+        super().clear()
+        self._start(None)
+
+    def load_new_mesh(self, file_name: str | Path, **parameters: Any) -> None:
+        """Load a mesh as a further layer, which becomes the current one."""
+        path = Path(file_name).absolute()
+        if parameters or path.suffix.lower() not in READABLE:
+            super().load_new_mesh(str(path), **parameters)
+            return
+        layer = Layer(path.stem, path)
+        layer.read()
+        self._bridge.document.layers.append(layer)
+        self._bridge.push(layer)
+
+    # Rasters
+
+    @property
+    def rasters(self) -> list[RasterEntry]:
+        """The frames with their cameras."""
+        return self._bridge.document.project.rasters
+
+    def raster_number(self) -> int:
+        return len(self.rasters)
+
+    number_rasters = raster_number
+
+    def add_raster(
+        self,
+        file_name: str | Path,
+        camera: Camera,
+        *,
+        label: str | None = None,
+        sequence: str | None = None,
+        exposure: float | None = None,
+        mask: str | Path | None = None,
+    ) -> RasterEntry:
+        """Add a registered frame; its label is the file's name unless another is given."""
+        path = Path(file_name).absolute()
+        if not path.is_file():
+            raise SvbrdfError(f"{path}: does not exist")
+        return self._bridge.document.project.add_raster(
+            label or path.name, path, camera, sequence=sequence, exposure=exposure, mask=mask
+        )
+
+    def load_new_raster(self, file_name: str) -> None:
+        raise SvbrdfError(f"a raster needs its camera: add_raster({str(file_name)!r}, camera)")
+
+    # Filters
+
+    def apply_filter(self, filter_name: str, **parameters: Any) -> dict[str, Any]:
+        """One of our filters or of MeshLab's; what it tells, as a dictionary."""
+        if filter_name not in registry.filters():
+            self._sync()
+            return super().apply_filter(filter_name, **parameters)
+        outcome = self.document.apply(filter_name, **parameters)
+        self._behind = self._behind or not outcome.skipped
+        return {
+            "message": outcome.message,
+            "seconds": outcome.seconds,
+            "skipped": outcome.skipped,
+        }
+
+    def apply_filter_script(self, file_name: str | Path | None = None) -> None:
+        """Run a script that may mix our filters and MeshLab's; None: the one MeshLab has loaded."""
+        self._sync()
+        if file_name is None:
+            super().apply_filter_script()
+            return
+        for outcome in run_script(self.document, read_script(file_name), foreign=self._run_step):
+            self._behind = self._behind or not outcome.skipped
+            self._bridge.pull()
+
+    def _run_step(self, step: Step) -> None:
+        self._sync()
+        run_xml(self, step.name, step.xml())
+
+    def __getattr__(self, name: str) -> Callable[..., dict[str, Any]]:
+        if name.startswith("_") or name not in registry.filters():
+            raise AttributeError(f"{type(self).__name__} has no attribute or filter {name!r}")
+        return lambda **parameters: self.apply_filter(name, **parameters)
+
+    def __dir__(self) -> list[str]:
+        return sorted({*super().__dir__(), *registry.filters()})
+
+    # What MeshLab shows
+
+    def _sync(self) -> None:
+        """Give MeshLab the layers of results that came or changed since it was last asked."""
+        if not self._behind:
+            return
+        self._behind = False
+        document, bridge = self.document, self._bridge
+        current = pymeshlab.MeshSet.current_mesh_id(self)
+        with document.results.locked():
+            written = write_views(document)
+        ours = {layer.label: layer for layer in written if layer.ours}
+        for identity, layer in list(bridge.layers.items()):
+            if not layer.ours:
+                continue
+            if layer.label in ours and _stamp(ours[layer.label]) == self._stamps.get(identity):
+                bridge.layers[identity] = ours.pop(layer.label)
+            else:
+                bridge.drop(identity)
+        document.layers = written
+        for layer in ours.values():
+            self._stamps[bridge.push(layer)] = _stamp(layer)
+        if pymeshlab.MeshSet.mesh_id_exists(self, current):
+            pymeshlab.MeshSet.set_current_mesh(self, current)
+
+
+def _stamp(layer: Layer) -> tuple[int, int] | None:
+    """What tells whether a layer's file is the one that MeshLab was given."""
+    status = layer.path.stat() if layer.path is not None else None
+    return (status.st_mtime_ns, status.st_size) if status else None
+
+
+def _work_folder(near: Path | None) -> tempfile.TemporaryDirectory[str]:
+    """A folder for results that have no place yet: on the project's disk, if it can be written."""
+    if near is not None and os.access(near, os.W_OK):
+        return tempfile.TemporaryDirectory(prefix=".svbrdf-", dir=near, ignore_cleanup_errors=True)
+    return tempfile.TemporaryDirectory(prefix="svbrdf-", ignore_cleanup_errors=True)
+
+
+def _looking(name: str) -> Callable[..., Any]:
+    """A method of pymeshlab's that looks at the meshes: it is to see the newest results."""
+    original = getattr(pymeshlab.MeshSet, name)
+
+    def method(self: MeshSet, *arguments: Any, **parameters: Any) -> Any:
+        self._sync()
+        return original(self, *arguments, **parameters)
+
+    method.__name__, method.__doc__ = name, original.__doc__
+    return method
+
+
+for _name in (
+    "mesh", "current_mesh", "mesh_number", "number_meshes", "mesh_id_exists", "set_current_mesh",
+    "save_current_mesh", "print_status", "set_mesh_visibility", "is_mesh_visible", "__iter__",
+):  # fmt: skip
+    setattr(MeshSet, _name, _looking(_name))
