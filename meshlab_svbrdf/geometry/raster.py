@@ -35,12 +35,12 @@ def _rasterise(points, faces, fx, fy, cx, cy, inverse_depth, face_index):
         if behind > 0:
             u0, u1, v0, v1 = 0.0, width - 1.0, 0.0, height - 1.0
         left, right = (
-            max(0, int(np.ceil(min(u0, width)))),
-            min(width - 1, int(np.floor(max(u1, -1.0)))),
+            int(min(max(np.ceil(u0), 0.0), width)),
+            int(max(min(np.floor(u1), width - 1.0), -1.0)),
         )
         top, bottom = (
-            max(0, int(np.ceil(min(v0, height)))),
-            min(height - 1, int(np.floor(max(v1, -1.0)))),
+            int(min(max(np.ceil(v0), 0.0), height)),
+            int(max(min(np.floor(v1), height - 1.0), -1.0)),
         )
         if left > right or top > bottom:
             continue

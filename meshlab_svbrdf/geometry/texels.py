@@ -58,12 +58,12 @@ def _cover(corners, faces, owner, barycentric):
         if not abs(area) > 0.0:
             continue
         top, bottom = (
-            max(0, int(np.ceil(min(ay, by, cy)))),
-            min(height - 1, int(np.floor(max(ay, by, cy)))),
+            int(min(max(np.ceil(min(ay, by, cy)), 0.0), height)),
+            int(max(min(np.floor(max(ay, by, cy)), height - 1.0), -1.0)),
         )
         left, right = (
-            max(0, int(np.ceil(min(ax, bx, cx)))),
-            min(width - 1, int(np.floor(max(ax, bx, cx)))),
+            int(min(max(np.ceil(min(ax, bx, cx)), 0.0), width)),
+            int(max(min(np.floor(max(ax, bx, cx)), width - 1.0), -1.0)),
         )
         for row in range(top, bottom + 1):
             for col in range(left, right + 1):
