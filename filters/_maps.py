@@ -51,7 +51,7 @@ def set_scalar_map(
     codes = np.rint(255 * np.clip((np.where(known, scale, low) - low) / (high - low), 0, 1)).astype(
         np.uint8
     )
-    table = cv2.applyColorMap(np.arange(256, dtype=np.uint8), cv2.COLORMAP_VIRIDIS)[:, 0, ::-1]
+    table = cv2.applyColorMap(np.arange(256, dtype=np.uint8), cv2.COLORMAP_VIRIDIS).reshape(256, 3)[:, ::-1]
     colors = np.where(known[:, None], table[codes], np.uint8(UNOBSERVED_GREY))
     set_texture(document, name, texels, colors)
     document.show_map(shown, name)
