@@ -64,8 +64,8 @@ def check_mesh(mesh: Mesh, textures: tuple[Path, ...], path: Path) -> None:
         ("texture coordinates of face", mesh.uv),
     ):
         if values is not None:
-            flat = values.reshape(len(values), -1)
-            _refuse(~np.isfinite(flat).all(axis=1), flat, f"{path}: {what}", "finite numbers")
+            finite = np.isfinite(values).all(axis=tuple(range(1, values.ndim)))
+            _refuse(~finite, values, f"{path}: {what}", "finite numbers")
     count = len(mesh.vertices)
     outside = ((mesh.faces < 0) | (mesh.faces >= count)).any(axis=1)
     _refuse(outside, mesh.faces, f"{path}: vertices of face", f"indices below {count}")
@@ -78,6 +78,6 @@ def _refuse(bad: Any, values: np.ndarray, what: str, expected: str) -> None:
     if bad.any():
         row = int(np.argmax(bad))
         raise DocumentError(
-            f"{what} {row} is {values[row]}, expected {expected} ({bad.sum()} such rows); "
+            f"{what} {row} is {values[row].tolist()}, expected {expected} ({bad.sum()} such rows); "
             "repair the mesh in MeshLab"
         )

@@ -82,8 +82,9 @@ def _numbers(rows: list[str], widths: tuple[int, ...], path: Path, what: str) ->
     uneven = next((row for row in rows if len(row.split()) != width), None)
     if width not in widths or uneven is not None:
         raise DocumentError(
-            f"{path}: expected {' or '.join(map(str, widths))} numbers in each {what} line, as many "
-            f"in all; found {rows[0].strip()!r}" + (f" and {uneven.strip()!r}" if uneven else "")
+            f"{path}: expected {' or '.join(map(str, widths))} numbers in each {what} line, as "
+            f"many in all; found {rows[0].strip()!r}"
+            + (f" and {uneven.strip()!r}" if uneven else "")
         )
     return _parse(" ".join(rows), np.float64, path, what).reshape(-1, width)
 

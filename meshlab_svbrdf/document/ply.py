@@ -47,11 +47,12 @@ def read_ply(path: Path) -> MeshFile:
         if word.lower() == "texturefile" and name.strip()
     )
     normals = _stack(vertex, NORMAL) if set(NORMAL) <= set(vertex) else None
-    mesh = Mesh(vertices, faces.astype(np.int32), normals, uv, texture_index)
+    mesh = Mesh(vertices, faces, normals, uv, texture_index)
     check_mesh(mesh, textures, path)
     color = None
     if set(RGBA[:3]) <= set(vertex):
-        color = _rgba(_stack(vertex, RGBA if "alpha" in vertex else RGBA[:3]).astype(np.uint8))
+        channels = _stack(vertex, RGBA if "alpha" in vertex else RGBA[:3])
+        color = _rgba(_integers(channels, f"{path}: vertex colour", 0, 255).astype(np.uint8))
     quality = vertex.get("quality")
     return MeshFile(
         mesh=mesh,
@@ -150,9 +151,9 @@ def _read_faces(
     if not isinstance(corners, Lists):
         raise DocumentError(f"{path}: its vertex_indices are not lists")
     polygon, triangle = fan(corners.counts, path)
-    faces = corners.values[triangle]
+    faces = _integers(corners.values, f"{path}: vertex_indices")[triangle]
     texture = columns.get("texnumber")
-    index = None if texture is None else np.asarray(texture)[polygon].astype(np.int32)
+    index = None if texture is None else _integers(texture, f"{path}: texnumber")[polygon]
     texcoord = columns.get("texcoord")
     if not isinstance(texcoord, Lists) or not len(texcoord.values):
         return faces, None, index
@@ -170,6 +171,20 @@ def _read_faces(
     if not has.all():
         index = np.where(has[polygon], 0 if index is None else index, -1).astype(np.int32)
     return faces, flat[triangle], index
+
+
+def _integers(
+    values: Any, where: str, low: float = -(2**31), high: float = 2**31 - 1
+) -> np.ndarray:
+    """Text files give doubles: (…) int32, if all are whole and within bounds."""
+    values = np.asarray(values)
+    good = (values >= low) & (values <= high) & (values == np.floor(values))
+    if not good.all():
+        raise DocumentError(
+            f"{where} holds {values[~good][0]}, expected whole numbers from {low} to {high}; "
+            "save the file again in MeshLab"
+        )
+    return values.astype(np.int32)
 
 
 def _stack(columns: Mapping[str, Any], names: Sequence[str]) -> np.ndarray:

@@ -90,8 +90,11 @@ def _parse_header(lines: list[str]) -> tuple[str, list[str], dict[str, Element]]
         elif word == "property":
             # Text is parsed into doubles, lengths included
             types = words[1:3] if words[0] == "list" else words[:1]
-            types = ["f8" if kind == "ascii" else ORDERS[kind] + TYPES[t] for t in types]
-            element.properties.append(Property(words[-1], types[-1], *types[:-1]))
+            known = [TYPES[t] for t in types]
+            types = ["f8" if kind == "ascii" else ORDERS[kind] + t for t in known]
+            list(elements.values())[-1].properties.append(
+                Property(words[-1], types[-1], *types[:-1])
+            )
     if kind not in ORDERS:
         raise ValueError(f"format {kind!r}")
     return kind, comments, elements

@@ -67,7 +67,9 @@ def test_an_image_without_or_with_broken_exif_gives_none(tmp_path):
     at = whole.index(b"Exif\0\0")
     for cut in range(8, 120, 7):
         # Zero the directory from here on, as a careless editor does
-        path.write_bytes(whole[: at + cut] + bytes(len(whole[at + cut : at + 130])) + whole[at + 130 :])
+        path.write_bytes(
+            whole[: at + cut] + bytes(len(whole[at + cut : at + 130])) + whole[at + 130 :]
+        )
         assert read_exposure(path) is None or read_exposure(path) > 0
 
 

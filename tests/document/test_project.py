@@ -29,7 +29,8 @@ TEXT = f"""<?xml version="1.0"?>
  <!-- kept -->
  <MeshGroup>
   <!-- MeshLab would take this for a mesh -->
-  <MLMesh label="böse &amp; &lt;gut&gt;" filename="meshes/a.ply" visible="0" idInFile="-1" color="red">
+  <MLMesh label="böse &amp; &lt;gut&gt;"
+   filename="meshes/a.ply" visible="0" idInFile="-1" color="red">
    <MLMatrix44>
 1 0 0 0.1000000000000000055
 0 1 0 1e6
@@ -185,7 +186,12 @@ def test_a_project_from_scratch_comes_back(folder):
     project.add_mesh("a", folder / "meshes/a.ply", np.diag([2.0, 3, 4, 1]))
     project.add_raster("f0", folder / "frames/f0.png", camera)
     project.add_raster(
-        "f1", folder / "frames/f1.png", camera, sequence="s", exposure=0.75, mask=folder / "masks/f1.png"
+        "f1",
+        folder / "frames/f1.png",
+        camera,
+        sequence="s",
+        exposure=0.75,
+        mask=folder / "masks/f1.png",
     )
     with pytest.raises(DocumentError, match="exists already"):
         project.add_raster("f0", folder / "frames/f0.png", camera)
