@@ -111,7 +111,7 @@ def _sample(
         d = min(distance[row, col], min(min(x, width - 1 - x), min(y, height - 1 - y)) + 0.5)
         near = min(reference_depth / z, 1.0)
         quality = min(d / border, 1.0) * near * near * cos
-        if quality < cut:
+        if quality < cut or not quality > 0.0:
             continue
         # Test whether something lies before it
         w = inverse_depth[row, col]
@@ -187,6 +187,14 @@ class FrameSampler:
         quality : (n,) uint8: quality · 127 in the low seven bits, the top bit where any tap was clipped
         """
         q, texels = self.quality, self.texels
+        size = (camera.height, camera.width)
+        if image.shape != (*size, 3) or image.dtype != np.uint8:
+            raise ValueError(
+                f"image: expected {(*size, 3)} uint8 as the camera says, "
+                f"not {image.shape} {image.dtype}"
+            )
+        if mask is not None and mask.shape != size:
+            raise ValueError(f"mask: expected {size} as the camera says, not {mask.shape}")
         camera = camera.about(texels.center)
         inverse_depth, _ = rasterise(self.vertices, self.faces, camera)
         smooth = np.ones(inverse_depth.shape, np.uint8) if mask is None else mask.astype(np.uint8)

@@ -73,6 +73,10 @@ def observe(
     coefficients : (V, 36) visibility in spherical harmonics, or None where nothing shadows anything
     """
     count = len(cameras)
+    if count != store.frames:
+        raise ValueError(f"cameras: expected one for each of the store's {store.frames} frames")
+    if len(texels) != store.texels:
+        raise ValueError(f"texels: expected the {store.texels} of the store, not {len(texels)}")
     gain = (
         np.ones((count, 3))
         if gains is None

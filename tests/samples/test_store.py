@@ -1,0 +1,147 @@
+"""The sample store: the transposition against brute force, whatever the chunks and threads."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import meshlab_svbrdf.samples.store as module
+from meshlab_svbrdf.samples.store import SampleStore, write_store
+
+
+def random_frames(texels, frames, share, seed=0):
+    rng = np.random.default_rng(seed)
+    out = []
+    for _ in range(frames):
+        texel = np.flatnonzero(rng.random(texels) < share).astype(np.int32)
+        n = len(texel)
+        out.append(
+            (texel, rng.integers(0, 256, (n, 3), np.uint8), rng.integers(0, 256, n, np.uint8))
+        )
+    return out
+
+
+def brute_force(frames, texel):
+    """The (frame, rgb, quality) of one texel, in the frames' order."""
+    rows = []
+    for f, (texels, rgb, quality) in enumerate(frames):
+        for i in np.flatnonzero(texels == texel):
+            rows.append((f, *rgb[i].tolist(), int(quality[i])))
+    return rows
+
+
+def rows_of(block, texel):
+    i = texel - block.first
+    s = slice(block.offsets[i], block.offsets[i + 1])
+    columns = np.column_stack([block.frame[s], block.rgb[s], block.quality[s]])
+    return [tuple(row) for row in columns.tolist()]
+
+
+def write(folder, texels, frames, **kw):
+    folder.mkdir(exist_ok=True)
+    return write_store(folder, texels, len(frames), lambda f: frames[f], **kw)
+
+
+@settings(max_examples=15, deadline=None)
+@given(
+    texels=st.integers(1, 20), frames=st.integers(0, 12), share=st.floats(0, 1),
+    seed=st.integers(0, 99), memory=st.sampled_from([0, 100, 1 << 20]), data=st.data(),
+)  # fmt: skip
+def test_transposition_is_brute_forces(tmp_path_factory, texels, frames, share, seed, memory, data):
+    history = random_frames(texels, frames, share, seed)
+    store = write(tmp_path_factory.mktemp("store"), texels, history, memory=memory)
+    first = data.draw(st.integers(0, texels - 1))
+    stop = data.draw(st.integers(first, texels))
+    block = store.read(first, stop)
+    for texel in range(first, stop):
+        assert rows_of(block, texel) == brute_force(history, texel)
+    assert len(store) == sum(len(f[0]) for f in history) == store.counts().sum()
+    assert store.seen.tolist() == [len(f[0]) for f in history]
+
+
+def test_more_frames_than_a_byte_counts(tmp_path):
+    history = random_frames(3, 600, 0.5)
+    store = write(tmp_path, 3, history)
+    block = store.read(0, 3)
+    assert block.frame.max() > 511
+    for texel in range(3):
+        assert rows_of(block, texel) == brute_force(history, texel)
+
+
+@pytest.mark.parametrize("threads", [1, 5])
+@pytest.mark.parametrize("memory", [1, 3000])
+def test_neither_threads_nor_chunks_change_what_is_read(tmp_path, monkeypatch, threads, memory):
+    history = random_frames(200, 40, 0.4)
+    expected = write(tmp_path / "a", 200, history).read(0, 200)
+    monkeypatch.setattr(module, "thread_count", lambda: threads)
+    store = write(tmp_path / "b", 200, history, memory=memory)
+    for a, b in zip(store.read(0, 200), expected, strict=True):
+        np.testing.assert_array_equal(a, b)
+    assert store.block_bounds(500) == SampleStore(tmp_path / "a").block_bounds(500)
+    assert store.map(lambda b: b.first) == [b.first for b in store.blocks()]
+
+
+@pytest.mark.parametrize("samples", [1, 7, 100, 10**9])
+def test_blocks_cover_all_texels_once(tmp_path, samples):
+    history = random_frames(50, 20, 0.3)
+    for f in history:
+        f[0][f[0] == 17] = 18  # a texel without samples, its neighbour with twice as many
+    store = write(tmp_path, 50, history)
+    bounds = store.block_bounds(samples)
+    assert [b[0] for b in bounds] == [0, *(b[1] for b in bounds[:-1])]
+    assert bounds[-1][1] == 50
+    whole = store.read(0, 50)
+    parts = list(store.blocks(samples))
+    np.testing.assert_array_equal(np.concatenate([b.frame for b in parts]), whole.frame)
+    np.testing.assert_array_equal(np.concatenate([b.rgb for b in parts]), whole.rgb)
+    most = store.counts().max()
+    assert max(b.offsets[-1] for b in parts) <= samples + most
+
+
+def test_a_block_is_within_what_was_asked_for(tmp_path):
+    """About as many samples as asked for: off by at most one texel's."""
+    history = random_frames(300, 30, 0.5)
+    store = write(tmp_path, 300, history)
+    sizes = [b.offsets[-1] for b in store.blocks(500)]
+    assert max(abs(size - 500) for size in sizes[:-1]) <= 30
+
+
+@pytest.mark.parametrize(("texels", "frames"), [(5, 0), (0, 0), (0, 3), (5, 3)])
+def test_store_without_samples(tmp_path, texels, frames):
+    store = write(tmp_path, texels, random_frames(texels, frames, 0.0))
+    assert len(store) == 0
+    np.testing.assert_array_equal(store.counts(), np.zeros(texels))
+    block = store.read(0, texels)
+    np.testing.assert_array_equal(block.offsets, np.zeros(texels + 1))
+    assert len(block.frame) == len(block.quality) == len(block.rgb) == 0
+    assert store.map(lambda b: b.stop - b.first) == ([texels] if texels else [])
+
+
+def test_frames_without_samples_keep_their_number(tmp_path):
+    history = random_frames(10, 9, 1.0)
+    empty = random_frames(10, 1, 0.0)[0]
+    for f in (0, 4, 8):
+        history[f] = empty
+    store = write(tmp_path, 10, history)
+    np.testing.assert_array_equal(store.read(3, 4).frame, [1, 2, 3, 5, 6, 7])
+
+
+def test_a_frame_that_cannot_be_read_stops_the_store(tmp_path):
+    def sample(f):
+        if f == 2:
+            raise OSError("frame 2 is gone")
+        return random_frames(4, 1, 1.0)[0]
+
+    with pytest.raises(OSError, match="frame 2"):
+        write_store(tmp_path, 4, 5, sample)
+    assert not (tmp_path / "store.json").exists()
+
+
+def test_progress_counts_frames_and_blocks(tmp_path):
+    calls = []
+    history = random_frames(10, 5, 1.0)
+    store = write(tmp_path, 10, history, progress=lambda d, t: calls.append((d, t)))
+    assert calls == [(k, 5) for k in range(1, 6)]
+    calls.clear()
+    store.map(lambda b: None, lambda d, t: calls.append((d, t)))
+    assert calls == [(1, 1)]
