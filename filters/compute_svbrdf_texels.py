@@ -81,6 +81,7 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
             parameters.normal_space, parameters.green,
         )  # fmt: skip
         texels = replace(texels, normal=normals.astype(np.float32))
+        document.set_array("texels_detail", valid)
         said.append(f"normals of {parameters.normal_map.name}")
         if not valid.all():
             said.append(f"{int((~valid).sum())} texels without a tangent frame keep the mesh's")

@@ -55,5 +55,6 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
         )
     document.set_map("normal", encode_normal_map(texels, document.mesh(), normals), kind="png")
     document.set_texels(replace(texels, normal=normals.astype(np.float32)))
+    document.set_array("texels_detail", hit)
     document.set_attribute("baked", hit.astype(np.uint8))
     return f"{share(hit)} of the texels got the normal of {parameters.source!r}"

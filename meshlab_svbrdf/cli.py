@@ -174,7 +174,7 @@ def render(
         parameters = {"cameras": str(cameras.absolute()), "folder": str(output.absolute())}
         document = Document.open(project)
         with _stages(as_json) as (say, show):
-            say(document.apply("render_svbrdf_views", False, show("render"), **parameters))
+            say(document.apply("generate_svbrdf_rendering", False, show("render"), **parameters))
 
 
 def main() -> None:

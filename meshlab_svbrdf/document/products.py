@@ -209,6 +209,8 @@ class Products:
             self._writing = _Writing(products, edits, hidden)
             try:
                 yield
+                if not products:  # a filter that only writes files elsewhere
+                    return
                 made = self._product(before, filter, key or secrets.token_hex(32), inputs or {})
                 _mark_overwritten(record["products"], products, self._writing.files)
                 record["products"] |= {name: copy.deepcopy(made) for name in products}

@@ -1,0 +1,69 @@
+"""The object under the light it was filmed in, from the cameras of another project."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from meshlab_svbrdf.document.document import Document
+from meshlab_svbrdf.document.images import write_png
+from meshlab_svbrdf.document.project import read_project
+from meshlab_svbrdf.errors import SvbrdfError
+from meshlab_svbrdf.filter import Filter, Namespace, Parameter
+from meshlab_svbrdf.progress import Progress
+from meshlab_svbrdf.rendering.acquisition import AcquisitionRenderer, Appearance
+from meshlab_svbrdf.samples.luminance import to_srgb8
+
+from ._lights import read_lights
+
+FILTER = Filter(
+    name="generate_svbrdf_rendering",
+    title="SVBRDF: render the acquisition's light",
+    needs=("mesh", "texels", "material_specular"),
+    parameters=(
+        Parameter("cameras", "path", "", help="A project whose rasters are the views; empty: this one's own."),
+        Parameter("folder", "path", "", help="Where the images go, one PNG per raster under its file's name."),
+        Parameter(
+            "supersampling", "int", 2, minimum=1, maximum=8, help="Rays per pixel and direction."
+        ),
+        Parameter("shadows", "bool", True, help="Whether the object shades its own highlights."),
+    ),
+    help="Renders D + Σ ρ g V (l·r)^α with near lights and shadows, on black. D holds the lights' "
+    "shading: it is not shaded again.",
+    reference="Palma et al. 2012, eq. 1",
+)  # fmt: skip
+
+
+def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
+    if parameters.folder is None:
+        raise SvbrdfError("folder is empty: say where the images go")
+    project = document.project if parameters.cameras is None else read_project(parameters.cameras)
+    if not project.rasters:
+        raise SvbrdfError(f"{project.path}: has no rasters to take cameras from")
+    names = [Path(raster.path.name).with_suffix(".png").name for raster in project.rasters]
+    if len(set(names)) < len(names):
+        raise SvbrdfError(f"{project.path}: two rasters have the same file name, and would overwrite each other")
+    renderer = AcquisitionRenderer(
+        document.mesh(), read_appearance(document), read_lights(document), parameters.shadows
+    )
+    folder = Path(parameters.folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, raster in zip(names, progress.over(project.rasters, "views"), strict=True):
+        image, _ = renderer.render(raster.camera, parameters.supersampling)
+        write_png(folder / name, to_srgb8(image))
+    return f"{len(names)} views in {folder}"
+
+
+def read_appearance(document: Document) -> list[Appearance]:
+    """The maps of the last estimator, one entry per texture."""
+    colors = {m["id"]: m["specular_color"] for m in document.json("materials")["materials"]}
+    table = np.ones((max(colors, default=0) + 2, 3))
+    for identity, color in colors.items():
+        table[identity] = color
+    texels = document.texels()
+    tints = texels.to_images(table[document.attribute("material")], 1.0)
+    detailed = document.has_array("texels_detail")
+    normals = texels.to_images(texels.normal) if detailed else [None] * len(tints)
+    maps = (document.map("diffuse"), document.map("rho_s"), document.map("alpha"), tints, normals)
+    return [Appearance(*each) for each in zip(*maps, strict=True)]

@@ -1,0 +1,175 @@
+"""The object as it was lit when it was filmed: D + Σ_k ρ g_k V_k (l_k·r)₊^α, from any camera.
+
+D holds the lights' shading already, so it is never shaded again. Lights may stand near, and what
+stands between a light and the surface takes its highlight away.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numba import njit
+
+from ..geometry.camera import Camera
+from ..geometry.gutters import fill_gutters
+from ..geometry.mesh import Mesh
+from ..geometry.raster import rasterise
+from ..geometry.visibility import directional_visibility
+from ..reflectance.lights import Light
+
+NEGLIGIBLE = 1e-4
+"""Highlights below this share of white are not looked into."""
+
+
+@dataclass(frozen=True)
+class Appearance:
+    """What a texture image holds, one entry per texture of the mesh.
+
+    diffuse : (H, W, 3) linear, 1 = 255, NaN where unobserved; rho_s, alpha : (H, W), NaN where there
+    is no gloss; tint : (H, W, 3), the highlight's colour, luminance 1
+    normal : (H, W, 3) world, NaN outside the charts; or None: the mesh's own
+    """
+
+    diffuse: np.ndarray
+    rho_s: np.ndarray
+    alpha: np.ndarray
+    tint: np.ndarray
+    normal: np.ndarray | None = None
+
+
+@njit(cache=True, nogil=True)
+def _barycentric(points, faces, fx, fy, cx, cy, rows, cols, face, out):
+    """Perspective-correct barycentric coordinates of the pixel centres on their faces."""
+    p, e = np.empty((3, 3)), np.empty(3)
+    for n in range(len(face)):
+        for i in range(3):
+            x, y, z = points[faces[face[n], i]]
+            p[i, 0], p[i, 1], p[i, 2] = fx * x + cx * z, fy * y + cy * z, z
+        total = 0.0
+        for i in range(3):
+            a, b = p[(i + 1) % 3], p[(i + 2) % 3]
+            e[i] = (
+                (a[1] * b[2] - a[2] * b[1]) * cols[n]
+                + (a[2] * b[0] - a[0] * b[2]) * rows[n]
+                + (a[0] * b[1] - a[1] * b[0])
+            )
+            total += e[i]
+        for i in range(3):
+            out[n, i] = e[i] / total
+
+
+def _bilinear(image: np.ndarray, col: np.ndarray, row: np.ndarray) -> np.ndarray:
+    """Values of (H, W, C) at fractional pixels, clamped at the border."""
+    height, width = image.shape[:2]
+    col, row = np.clip(col, 0, width - 1), np.clip(row, 0, height - 1)
+    c, r = np.minimum(col.astype(int), width - 2), np.minimum(row.astype(int), height - 2)
+    a, b = (col - c)[:, None], (row - r)[:, None]
+    top = (1 - a) * image[r, c] + a * image[r, c + 1]
+    bottom = (1 - a) * image[r + 1, c] + a * image[r + 1, c + 1]
+    return (1 - b) * top + b * bottom
+
+
+class AcquisitionRenderer:
+    """Renders one object from many cameras.
+
+    Parameters
+    ----------
+    mesh : world coordinates, with texture coordinates
+    appearance : one per texture
+    lights : with gains of geometric mean 1; directions as seen from the mesh's centre
+    shadows : whether lights are tested against the mesh
+    """
+
+    def __init__(self, mesh: Mesh, appearance: Sequence[Appearance], lights: list[Light], shadows: bool = True):
+        if mesh.uv is None:
+            raise ValueError("the mesh has no texture coordinates")
+        self.center, self.radius = mesh.center, mesh.radius
+        self.mesh = replace(mesh, vertices=mesh.vertices - self.center, normals=mesh.vertex_normals())
+        self.appearance = [_filled(each) for each in appearance]
+        self.lights, self.shadows = lights, shadows
+        faces = len(mesh.faces)
+        index = np.zeros(faces, np.int32) if mesh.texture_index is None else mesh.texture_index
+        self.texture = np.maximum(index, 0)
+
+    def render(self, camera: Camera, supersampling: int = 2) -> tuple[np.ndarray, np.ndarray]:
+        """The view: (H, W, 3) float64 linear, 1 = 255, black background; and coverage (H, W) in [0, 1].
+
+        supersampling : rays per pixel and direction; the pixel is their mean in linear light
+        """
+        s = supersampling
+        fine = Camera(
+            camera.width * s, camera.height * s, camera.fx * s, camera.fy * s,
+            (camera.cx + 0.5) * s - 0.5, (camera.cy + 0.5) * s - 0.5, camera.R, camera.t,
+        ).about(self.center)  # fmt: skip
+        _, face_index = rasterise(self.mesh.vertices, self.mesh.faces, fine)
+        rows, cols = np.nonzero(face_index >= 0)
+        image, coverage = np.zeros((*face_index.shape, 3)), np.zeros(face_index.shape)
+        if len(rows):
+            image[rows, cols] = np.clip(self._shade(fine, rows, cols, face_index[rows, cols]), 0, None)
+            coverage[rows, cols] = 1
+        shape = (camera.height, s, camera.width, s)
+        return image.reshape(*shape, 3).mean((1, 3)), coverage.reshape(shape).mean((1, 3))
+
+    def _shade(self, camera: Camera, rows, cols, face) -> np.ndarray:
+        # Find the surface behind each pixel
+        mesh = self.mesh
+        assert mesh.uv is not None
+        weights = np.empty((len(face), 3))
+        points = np.ascontiguousarray(mesh.vertices @ camera.R.T + camera.t)
+        _barycentric(points, mesh.faces, camera.fx, camera.fy, camera.cx, camera.cy, rows, cols, face, weights)
+        corners = mesh.faces[face]
+        position = np.einsum("nc,ncd->nd", weights, mesh.vertices[corners])
+        normal = np.einsum("nc,ncd->nd", weights, mesh.vertex_normals()[corners])
+        uv = np.einsum("nc,ncd->nd", weights, mesh.uv[face])
+
+        # Look up what it is made of
+        diffuse, tint = np.zeros((len(face), 3)), np.zeros((len(face), 3))
+        rho_s, alpha = np.zeros(len(face)), np.ones(len(face))
+        for index, look in enumerate(self.appearance):
+            on = self.texture[face] == index
+            height, width = look.rho_s.shape
+            col, row = uv[on, 0] * width - 0.5, (1 - uv[on, 1]) * height - 0.5
+            diffuse[on] = _bilinear(look.diffuse, col, row)
+            near = np.clip(np.rint(row).astype(int), 0, height - 1), np.clip(np.rint(col).astype(int), 0, width - 1)
+            rho_s[on], alpha[on], tint[on] = look.rho_s[near], look.alpha[near], look.tint[near]
+            if look.normal is not None:
+                normal[on] = _bilinear(look.normal, col, row)
+        normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
+
+        # Add the highlights of the lights that are seen
+        view = camera.center - position
+        view /= np.linalg.norm(view, axis=1, keepdims=True)
+        mirror = 2 * np.einsum("nd,nd->n", normal, view)[:, None] * normal - view
+        specular = np.zeros(len(face))
+        for light in self.lights:
+            toward = light.direction - light.curvature / self.radius * position
+            length2 = np.einsum("nd,nd->n", toward, toward)
+            toward /= np.sqrt(length2)[:, None]
+            cos = np.einsum("nd,nd->n", toward, mirror)
+            above = np.einsum("nd,nd->n", toward, normal) > 0
+            amount = np.where(above, rho_s * light.gain / length2 * np.maximum(cos, 0) ** alpha, 0)
+            amount[amount < NEGLIGIBLE] = 0
+            lit = np.flatnonzero(amount)
+            if self.shadows and len(lit):
+                place = light.position(np.zeros(3), self.radius)
+                lights = [(light.direction, place)]
+                amount[lit] *= directional_visibility(mesh, position[lit], normal[lit], lights)[:, 0]
+            specular += amount
+        return diffuse + specular[:, None] * tint
+
+
+def _filled(look: Appearance) -> Appearance:
+    """Unobserved texels and gutters take their nearest neighbours' colour; no gloss is rho_s 0."""
+    known = np.isfinite(look.diffuse).all(-1)
+    normal = look.normal
+    if normal is not None:
+        normal = fill_gutters(normal, np.isfinite(normal).all(-1))
+    return Appearance(
+        np.nan_to_num(fill_gutters(look.diffuse, known)).astype(np.float64),
+        np.nan_to_num(look.rho_s),
+        np.nan_to_num(look.alpha, nan=1.0),
+        look.tint,
+        normal,
+    )
