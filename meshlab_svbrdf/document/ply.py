@@ -24,6 +24,7 @@ PLY_TYPES = {"u1": "uchar", "i4": "int", "f4": "float", "f8": "double"}
 FAR = 64  # radii from the origin: from there on float32 positions lose what fine texels need
 
 
+@np.errstate(invalid="ignore")  # signalling NaNs warn when they are widened; check_mesh names them
 def read_ply(path: Path) -> MeshFile:
     """Read a PLY file; see `mesh_files.read_mesh`."""
     comments, elements = read_ply_columns(path)
@@ -218,7 +219,11 @@ def _table(columns: list[tuple[str, Any, np.ndarray]], count: int) -> np.ndarray
         fields += [*length, (name, np.dtype(kind).base.newbyteorder("<"), shape)]
     table = np.empty(count, fields)
     for name, kind, values in columns:
-        table[name] = values
+        try:
+            with np.errstate(over="raise"):
+                table[name] = values
+        except FloatingPointError as error:
+            raise ValueError(f"{name}: values exceed float32; pass dtype=np.float64") from error
         if np.dtype(kind).shape:
             table[f"{name}\nlength"] = np.dtype(kind).shape[0]
     return table

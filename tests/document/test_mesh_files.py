@@ -8,7 +8,7 @@ import numpy as np
 import plyfile
 import pymeshlab
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from meshlab_svbrdf.document.mesh_file import fan
@@ -390,6 +390,7 @@ def test_bad_ply_files_say_what_is_wrong(tmp_path, vertex, face, rows, says):
 
 
 @settings(deadline=None, max_examples=300)
+@example(kind="binary", at=243, damage=b"\x7f")  # a signalling NaN
 @given(
     kind=st.sampled_from(["binary", "mixed", "text", "obj"]),
     at=st.integers(0, 10**6),
@@ -436,6 +437,7 @@ def test_what_would_not_come_back_is_not_written(tmp_path):
         ({"mesh": Mesh(mesh.vertices, mesh.faces + 9)}, DocumentError, "below 12"),
         ({"mesh": mesh, "textures": [tmp_path / "a b.png"]}, DocumentError, "space"),
         ({"mesh": mesh, "quality": np.zeros(3)}, ValueError, "quality: expected shape"),
+        ({"mesh": mesh, "quality": np.full(12, 1e300)}, ValueError, "quality: values exceed"),
         ({"mesh": mesh, "color": np.zeros((12, 3))}, ValueError, "uint8"),
         ({"mesh": mesh, "vertex_attributes": {"x": np.zeros(12)}}, ValueError, "cannot name"),
         ({"mesh": mesh, "vertex_attributes": {"a b": np.zeros(12)}}, ValueError, "cannot name"),
