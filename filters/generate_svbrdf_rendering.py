@@ -25,7 +25,7 @@ FILTER = Filter(
         Parameter("cameras", "path", "", help="A project whose rasters are the views; empty: this one's own."),
         Parameter("folder", "path", "", help="Where the images go, one PNG per raster under its file's name."),
         Parameter(
-            "supersampling", "int", 2, minimum=1, maximum=8, help="Rays per pixel and direction."
+            "supersampling", "int", 3, minimum=1, maximum=8, help="Rays per pixel and direction."
         ),
         Parameter("shadows", "bool", True, help="Whether the object shades its own highlights."),
     ),
