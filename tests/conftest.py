@@ -121,6 +121,18 @@ DEMOS = (
 )
 
 
+@pytest.fixture(scope="session")
+def stone() -> Mesh:
+    """The tetrahedron of the small project, in its own coordinates."""
+    return tetrahedron()
+
+
+@pytest.fixture
+def small_project_at():
+    """Writes the small project into a folder: see write_small_project."""
+    return write_small_project
+
+
 @pytest.fixture
 def small_project(tmp_path) -> Path:
     return write_small_project(tmp_path / "in")
