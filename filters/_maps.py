@@ -23,7 +23,7 @@ def set_texture(document: Document, name: str, texels: Texels, colors: np.ndarra
 
 
 def set_diffuse_maps(document: Document, texels: Texels, diffuse: np.ndarray) -> None:
-    """diffuse.exr and .png, and valid.png, of D (T, 3) in 0..100; unobserved texels are grey in the texture."""
+    """diffuse.exr, diffuse.png and valid.png of D (T, 3) in 0..100; in the PNG, unobserved is grey."""
     linear = (diffuse / 100).astype(np.float32)
     observed = np.isfinite(linear).all(axis=1)
     document.set_map("diffuse", texels.to_images(linear))
@@ -51,7 +51,8 @@ def set_scalar_map(
     codes = np.rint(255 * np.clip((np.where(known, scale, low) - low) / (high - low), 0, 1)).astype(
         np.uint8
     )
-    table = cv2.applyColorMap(np.arange(256, dtype=np.uint8), cv2.COLORMAP_VIRIDIS).reshape(256, 3)[:, ::-1]
+    bgr = cv2.applyColorMap(np.arange(256, dtype=np.uint8), cv2.COLORMAP_VIRIDIS)
+    table = bgr.reshape(256, 3)[:, ::-1]
     colors = np.where(known[:, None], table[codes], np.uint8(UNOBSERVED_GREY))
     set_texture(document, name, texels, colors)
     document.show_map(shown, name)

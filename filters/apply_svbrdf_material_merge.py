@@ -18,7 +18,10 @@ FILTER = Filter(
     needs=("mesh", "texels", "materials"),
     writes=("materials",),
     parameters=(
-        Parameter("ids", "string", "", help='The clusters to merge, "0 3 5"; the smallest id is kept.'),
+        Parameter(
+            "ids", "string", "",
+            help='The clusters to merge, "0 3 5"; the smallest id is kept.',
+        ),
         Parameter("points", "points", (), help="Or points on them, in the world's coordinates."),
     ),
     help="Makes one cluster of several, named by their ids or picked by points on the object.",

@@ -19,12 +19,16 @@ FILTER = Filter(
     parameters=(
         Parameter(
             "stroke", "points", (),
-            help='Points along the stroke, on the object, in the world\'s coordinates: "x y z; x y z".',
+            help="Points along the stroke, on the object, in the world's coordinates: "
+            '"x y z; x y z".',
         ),
-        Parameter("id", "int", -1, help="The cluster; -1 takes the one under the stroke's middle point."),
+        Parameter(
+            "id", "int", -1,
+            help="The cluster; -1 takes the one under the stroke's middle point.",
+        ),
     ),
-    help="Cuts a cluster along a stroke over the surface. A stroke that does not part it changes nothing "
-    "and says so.",
+    help="Cuts a cluster along a stroke over the surface. A stroke that does not part it changes "
+    "nothing and says so.",
     reference="Palma et al. 2012, §7",
 )  # fmt: skip
 

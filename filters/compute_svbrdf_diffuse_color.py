@@ -20,8 +20,8 @@ FILTER = Filter(
     parameters=(
         Parameter(
             "method", "enum", "statistical", choices=METHODS,
-            help='"statistical" is the paper\'s; "trimmed" averages the samples below median + 1.5 MAD, '
-            '"quantile" those below the first quartile, both without any model.',
+            help='"statistical" is the paper\'s; "trimmed" averages the samples below '
+            'median + 1.5 MAD, "quantile" those below the first quartile, both without any model.',
         ),
         Parameter(
             "cone", "float", 5.0, minimum=0.5, maximum=45.0, unit="degrees",
@@ -37,19 +37,21 @@ FILTER = Filter(
         ),
         Parameter(
             "weights", "enum", "1-s", choices=("1-s", "s"),
-            help="Mean and deviation weighted with 1 − s, or with s as the paper says (biased upward).",
+            help="Mean and deviation weighted with 1 − s, or with s as the paper says "
+            "(biased upward).",
         ),
     ),
-    help="Weighs every sample by the chance that it is specular, bounds the diffuse ones and averages "
-    "them by quality: maps/diffuse.exr (linear, 1 = 255), maps/diffuse.png (the object's texture), "
-    "maps/valid.png, attribute svbrdf_diffuse (0..100). The light's shading is in it.",
+    help="Weighs every sample by the chance that it is specular, bounds the diffuse ones and "
+    "averages them by quality: maps/diffuse.exr (linear, 1 = 255), maps/diffuse.png (the object's "
+    "texture), maps/valid.png, attribute svbrdf_diffuse (0..100). The light's shading is in it.",
     reference="Palma et al. 2012, §6, eq. 3-6",
 )  # fmt: skip
 
 
 def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
     diffuse = diffuse_color(
-        read_observations(document), read_statistics(document), document.image("environment").astype(np.float64),
+        read_observations(document), read_statistics(document),
+        document.image("environment").astype(np.float64),
         method=parameters.method, cone=parameters.cone, cone_kernel=parameters.cone_kernel,
         cone_visibility=parameters.cone_visibility, weights=parameters.weights,
         progress=counted(progress, "texels"),

@@ -32,7 +32,8 @@ FILTER = Filter(
         ),
         Parameter(
             "minimum_energy", "float", 0.05, minimum=0.0, maximum=1.0,
-            help="Lights with less than this share of the strongest one's energy are dropped; 0 keeps all.",
+            help="Lights with less than this share of the strongest one's energy are dropped; "
+            "0 keeps all.",
         ),
     ),
     help="Finds the light sources with their shapes (covariance in the tangent plane) in the map: "

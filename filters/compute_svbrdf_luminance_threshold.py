@@ -20,9 +20,10 @@ FILTER = Filter(
             help="Samples below do not count for the threshold.",
         ),
     ),
-    help="Per texel t = μ + mean |Y − μ| of the samples' luminance, an upper bound of their median. "
-    f"Texels with fewer than {MINIMUM_SAMPLES} samples are unobserved. Attributes: svbrdf_threshold, "
-    "svbrdf_mean, svbrdf_minimum (luminance, 0..100), svbrdf_mean_color, svbrdf_samples.",
+    help="Per texel t = μ + mean |Y − μ| of the samples' luminance, an upper bound of their "
+    f"median. Texels with fewer than {MINIMUM_SAMPLES} samples are unobserved. Attributes: "
+    "svbrdf_threshold, svbrdf_mean, svbrdf_minimum (luminance, 0..100), svbrdf_mean_color, "
+    "svbrdf_samples.",
     reference="Palma et al. 2012, §5",
 )  # fmt: skip
 

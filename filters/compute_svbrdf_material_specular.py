@@ -29,8 +29,8 @@ FILTER = Filter(
     parameters=(
         Parameter(
             "estimator", "enum", "joint", choices=("joint", "paper"),
-            help='"joint" eliminates every texel\'s diffuse term and refines the lights; "paper" takes '
-            "the highest mode of the texels' ρs.",
+            help='"joint" eliminates every texel\'s diffuse term and refines the lights; '
+            '"paper" takes the highest mode of the texels\' ρs.',
         ),
         Parameter("rounds", "int", 6, minimum=1, maximum=50, help="Of the joint fit."),
         Parameter(
@@ -41,7 +41,8 @@ FILTER = Filter(
         Parameter("censoring", "bool", True, help="Clipped samples count as lower bounds (joint)."),
         Parameter(
             "curvature", "float", 0.8, minimum=0.0, maximum=10.0,
-            help="Leaves out texels whose normal turns within a pixel by more than c/√α (joint); 0: none.",
+            help="Leaves out texels whose normal turns within a pixel by more than c/√α (joint); "
+            "0: none.",
         ),
         Parameter(
             "density", "enum", "log", choices=("log", "linear"),
@@ -49,12 +50,13 @@ FILTER = Filter(
         ),
         Parameter(
             "bell", "enum", "median", choices=("median", "mean"),
-            help="What is taken inside the bell of the highest mode; the paper takes the mean (paper).",
+            help="What is taken inside the bell of the highest mode; the paper takes the mean "
+            "(paper).",
         ),
     ),
-    help="Writes materials.json, lights.json, maps/rho_s.exr and maps/alpha.exr (NaN where unobserved) "
-    "and the final maps/diffuse. A material whose samples do not determine its gloss is "
-    "unobserved, and why is said.",
+    help="Writes materials.json, lights.json, maps/rho_s.exr and maps/alpha.exr (NaN where "
+    "unobserved) and the final maps/diffuse. A material whose samples do not determine its gloss "
+    "is unobserved, and why is said.",
     reference="Palma et al. 2012, §7",
 )  # fmt: skip
 

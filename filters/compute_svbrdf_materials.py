@@ -21,30 +21,34 @@ FILTER = Filter(
     parameters=(
         Parameter(
             "image", "path", "",
-            help="An image in UV space whose values or colours are the materials (grey 255, or 65535 "
-            "in 16 bits, is none), for the first texture; NAME.1.png … for others. Empty: automatic.",
+            help="An image in UV space whose values or colours are the materials (grey 255, or "
+            "65535 in 16 bits, is none), for the first texture; NAME.1.png … for others. Empty: "
+            "automatic.",
         ),
         Parameter(
             "threshold", "float", 10.0, minimum=0.5, maximum=100.0, unit="CIE Lab",
-            help="How far a colour may lie from its region's mean. Lower it to tell more materials apart.",
+            help="How far a colour may lie from its region's mean. Lower it to tell more "
+            "materials apart.",
         ),
         Parameter(
             "lightness_weight", "float", 0.2, minimum=0.0, maximum=1.0,
-            help="How much lightness counts. D holds the light's shading, so that one material varies "
-            "in lightness; 1 is plain CIE Lab (the paper), which grey objects may need.",
+            help="How much lightness counts. D holds the light's shading, so that one material "
+            "varies in lightness; 1 is plain CIE Lab (the paper), which grey objects may need.",
         ),
         Parameter(
             "minimum_share", "float", 0.005, minimum=0.0, maximum=0.5,
-            help="Regions with less than this share of the texels are absorbed by their neighbours.",
+            help="Regions with less than this share of the texels are absorbed by their "
+            "neighbours.",
         ),
         Parameter(
             "join", "bool", True,
             help="Join regions of like colour that do not touch.",
         ),
     ),
-    help="Seeds where the colour is most uniform, regions that grow over the surface, across UV seams, "
-    "while colours stay near their mean. maps/material.png holds the ids; the layer `materials` shows "
-    "them. Merge and split them with apply_svbrdf_material_merge and apply_svbrdf_material_split.",
+    help="Seeds where the colour is most uniform, regions that grow over the surface, across UV "
+    "seams, while colours stay near their mean. maps/material.png holds the ids; the layer "
+    "`materials` shows them. Merge and split them with apply_svbrdf_material_merge and "
+    "apply_svbrdf_material_split.",
     reference="Palma et al. 2012, §7",
 )  # fmt: skip
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 from meshlab_svbrdf.document.document import Document
@@ -29,9 +31,9 @@ FILTER = Filter(
     parameters=(
         Parameter(
             "exposure", "enum", "auto", choices=("auto", "exif", "raster", "none"),
-            help='Divides frames by their exposure: the attribute svbrdf_exposure of each raster '
-            '("raster"), ExposureTime · ISO / FNumber² of each photograph ("exif"), the first of the '
-            'two that every frame has ("auto"), or "none".',
+            help="Divides frames by their exposure: the attribute svbrdf_exposure of each raster "
+            '("raster"), ExposureTime · ISO / FNumber² of each photograph ("exif"), the first of '
+            'the two that every frame has ("auto"), or "none".',
         ),
         Parameter(
             "gains", "enum", "auto", choices=("auto", "fit", "none"),
@@ -42,11 +44,14 @@ FILTER = Filter(
             "unreadable", "enum", "stop", choices=("stop", "skip"),
             help="What to do about frames that are missing or cannot be read: they are named.",
         ),
-        Parameter("step", "int", 1, minimum=1, maximum=1000, help="Use every n-th frame of a sequence."),
+        Parameter(
+            "step", "int", 1, minimum=1, maximum=1000,
+            help="Use every n-th frame of a sequence.",
+        ),
         Parameter(
             "minimum_quality", "float", 0.1, minimum=0.0, maximum=1.0,
-            help="Samples below are dropped. 0 keeps all: only the threshold's own limit counts then, "
-            "as the paper has it.",
+            help="Samples below are dropped. 0 keeps all: only the threshold's own limit counts "
+            "then, as the paper has it.",
         ),
         Parameter(
             "border", "float", 5.0, minimum=0.5, maximum=50.0, unit="pixels at 640 wide",
@@ -62,9 +67,9 @@ FILTER = Filter(
             help="Of samples held before a chunk is written.",
         ),
     ),
-    help="Projects every frame to the texels: depth test, quality (distance to depth jumps, nearness, "
-    "angle), colour interpolated in linear light. Frames are streamed, one after the other; the "
-    "samples go to the sample store, 5 bytes each.",
+    help="Projects every frame to the texels: depth test, quality (distance to depth jumps, "
+    "nearness, angle), colour interpolated in linear light. Frames are streamed, one after the "
+    "other; the samples go to the sample store, 5 bytes each.",
     reference="Palma et al. 2012, §4; Callieri et al. 2008",
 )  # fmt: skip
 
@@ -219,6 +224,6 @@ def _median_step(cameras: list[Camera], sequences: list[str], center: np.ndarray
     """Degrees between a frame's view of the centre and the next one's, the median."""
     views = np.array([c.center - center for c in cameras])
     views /= np.maximum(np.linalg.norm(views, axis=1, keepdims=True), 1e-30)
-    same = np.array([a == b for a, b in zip(sequences[:-1], sequences[1:], strict=True)], bool)
+    same = np.array([a == b for a, b in pairwise(sequences)], bool)
     cos = np.einsum("ij,ij->i", views[:-1], views[1:])[same]
     return float(np.degrees(np.median(np.arccos(np.clip(cos, -1, 1))))) if len(cos) else 0.0

@@ -21,7 +21,8 @@ FILTER = Filter(
         Parameter(
             "peaks", "enum", "auto", choices=("auto", "time", "direction"),
             help='A peak is a run of consecutive frames ("time"), or the samples about one light '
-            '("direction"), which photographs need; "auto" chooses by how far apart the frames are.',
+            '("direction"), which photographs need; "auto" chooses by how far apart the frames '
+            "are.",
         ),
         Parameter(
             "c_min", "enum", "half", choices=("half", "least"),
@@ -32,8 +33,9 @@ FILTER = Filter(
             help="Which point of the ellipse of equal distance stands for a direction.",
         ),
     ),
-    help="Finds the luminance peaks of every texel, assigns each to its nearest light and solves for "
-    "ρs and α. Attributes: svbrdf_rho_s (1 = 255), svbrdf_alpha, svbrdf_light_distance, svbrdf_light.",
+    help="Finds the luminance peaks of every texel, assigns each to its nearest light and solves "
+    "for ρs and α. Attributes: svbrdf_rho_s (1 = 255), svbrdf_alpha, svbrdf_light_distance, "
+    "svbrdf_light.",
     reference="Palma et al. 2012, §7, eq. 7-9",
 )  # fmt: skip
 
@@ -43,7 +45,8 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
     stills = document.json("frames")["stills"]
     peaks = parameters.peaks if parameters.peaks != "auto" else "direction" if stills else "time"
     found = texel_specular(
-        read_observations(document, visibility=False), luminance(document.attribute("diffuse")), lights,
+        read_observations(document, visibility=False), luminance(document.attribute("diffuse")),
+        lights,
         peaks=peaks, c_min=parameters.c_min, p=parameters.p, progress=counted(progress, "texels"),
     )  # fmt: skip
     document.set_attribute("rho_s", found.rho_s / 100)

@@ -31,8 +31,8 @@ FILTER = Filter(
         ),
         Parameter(
             "normal_map", "path", "",
-            help="Image of the surface's detail, for the first texture; further textures' images are "
-            "NAME.1.png, NAME.2.png … beside it. Empty: the mesh's own normals.",
+            help="Image of the surface's detail, for the first texture; further textures' images "
+            "are NAME.1.png, NAME.2.png … beside it. Empty: the mesh's own normals.",
         ),
         Parameter(
             "normal_space", "enum", "tangent", choices=("tangent", "object"),
@@ -40,16 +40,17 @@ FILTER = Filter(
         ),
         Parameter(
             "green", "enum", "up", choices=("up", "down"),
-            help='Which way green points in a tangent-space map: "up" as OpenGL, "down" as DirectX.',
+            help='Which way green points in a tangent-space map: "up" as OpenGL, "down" as '
+            "DirectX.",
         ),
         Parameter(
             "allow_overlap", "bool", False,
             help="Go on although charts overlap; where they do, the first face gets the texel.",
         ),
     ),
-    help="Rasterises the object's UV charts: one texel per pixel centre inside a triangle, with its "
-    "position, normal, face and barycentric coordinates. A mesh without texture coordinates is "
-    "parametrised first (xatlas). Overlapping and out-of-range coordinates are told.",
+    help="Rasterises the object's UV charts: one texel per pixel centre inside a triangle, with "
+    "its position, normal, face and barycentric coordinates. A mesh without texture coordinates "
+    "is parametrised first (xatlas). Overlapping and out-of-range coordinates are told.",
     reference="Palma et al. 2012, §3",
 )  # fmt: skip
 

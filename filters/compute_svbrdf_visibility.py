@@ -32,9 +32,10 @@ FILTER = Filter(
         ),
         Parameter("bands", "int", BANDS, minimum=1, maximum=BANDS, help="Of spherical harmonics."),
     ),
-    help="Shoots rays from every vertex and keeps, per vertex, the visibility of the upper hemisphere "
-    "as 36 coefficients of real spherical harmonics. The layer `map: visibility` shows the share of "
-    "its hemisphere that a vertex sees as Quality and holds the coefficients as attributes.",
+    help="Shoots rays from every vertex and keeps, per vertex, the visibility of the upper "
+    "hemisphere as 36 coefficients of real spherical harmonics. The layer `map: visibility` shows "
+    "the share of its hemisphere that a vertex sees as Quality and holds the coefficients as "
+    "attributes.",
     reference="Palma et al. 2012, §3.1",
 )  # fmt: skip
 

@@ -29,16 +29,17 @@ FILTER = Filter(
         ),
         Parameter(
             "normalisation", "enum", "weight", choices=("weight", "count"),
-            help="Divide a pixel by Σ q·V of all samples that fall there, or by their count (the paper).",
+            help="Divide a pixel by Σ q·V of all samples that fall there, or by their count "
+            "(the paper).",
         ),
         Parameter(
             "scale", "enum", "quantile", choices=("quantile", "max"),
             help="What becomes 1: the 99.9th percentile, or the largest pixel (the paper).",
         ),
     ),
-    help="Accumulates (Y − t)·V(r)·q of the samples above the threshold along their mirror directions, "
-    "normalised by what falls there. environment.exr is in [0, 1]; its pole is the world's +Y. The "
-    "layer `environment` is a sphere around the object that shows it.",
+    help="Accumulates (Y − t)·V(r)·q of the samples above the threshold along their mirror "
+    "directions, normalised by what falls there. environment.exr is in [0, 1]; its pole is the "
+    "world's +Y. The layer `environment` is a sphere around the object that shows it.",
     reference="Palma et al. 2012, §5, eq. 2",
 )  # fmt: skip
 

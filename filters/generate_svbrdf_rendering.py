@@ -22,8 +22,14 @@ FILTER = Filter(
     title="SVBRDF: render the acquisition's light",
     needs=("mesh", "texels", "material_specular"),
     parameters=(
-        Parameter("cameras", "path", "", help="A project whose rasters are the views; empty: this one's own."),
-        Parameter("folder", "path", "", help="Where the images go, one PNG per raster under its file's name."),
+        Parameter(
+            "cameras", "path", "",
+            help="A project whose rasters are the views; empty: this one's own.",
+        ),
+        Parameter(
+            "folder", "path", "",
+            help="Where the images go, one PNG per raster under its file's name.",
+        ),
         Parameter(
             "supersampling", "int", 3, minimum=1, maximum=8, help="Rays per pixel and direction."
         ),
@@ -43,7 +49,9 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
         raise SvbrdfError(f"{project.path}: has no rasters to take cameras from")
     names = [Path(raster.path.name).with_suffix(".png").name for raster in project.rasters]
     if len(set(names)) < len(names):
-        raise SvbrdfError(f"{project.path}: two rasters have the same file name, and would overwrite each other")
+        raise SvbrdfError(
+            f"{project.path}: two rasters have the same file name, and would overwrite each other"
+        )
     renderer = AcquisitionRenderer(
         document.mesh(), read_appearance(document), read_lights(document), parameters.shadows
     )

@@ -40,7 +40,8 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
     if parameters.source not in layers or parameters.source == own:
         others = ", ".join(repr(label) for label in layers if label != own) or "none"
         raise SvbrdfError(
-            f"source is {parameters.source!r}, expected the label of another mesh layer (there are: {others})"
+            f"source is {parameters.source!r}, expected the label of another mesh layer "
+            f"(there are: {others})"
         )
     texels = document.texels()
     progress(0.1, "shooting rays")
@@ -50,8 +51,8 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
     )  # fmt: skip
     if not hit.any():
         raise SvbrdfError(
-            f"layer {parameters.source!r} is nowhere within {parameters.max_distance:g} of {own!r}: check "
-            "that the two are aligned, or raise max_distance"
+            f"layer {parameters.source!r} is nowhere within {parameters.max_distance:g} of "
+            f"{own!r}: check that the two are aligned, or raise max_distance"
         )
     document.set_map("normal", encode_normal_map(texels, document.mesh(), normals), kind="png")
     document.set_texels(replace(texels, normal=normals.astype(np.float32)))
