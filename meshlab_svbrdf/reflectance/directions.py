@@ -38,11 +38,15 @@ def pixel(x, y, z, height):
 
 @njit(cache=True, nogil=True)
 def look_up(environment, rays):
-    """The map's value along each of the unit directions (N, 3), nearest pixel."""
+    """The map's value along each of the unit directions (N, 3), nearest pixel; NaN along none."""
     out = np.empty(len(rays), np.float64)
     for i in range(len(rays)):
-        row, col = pixel(rays[i, 0], rays[i, 1], rays[i, 2], environment.shape[0])
-        out[i] = environment[row, col]
+        x, y, z = rays[i, 0], rays[i, 1], rays[i, 2]
+        if np.isfinite(x + y + z):
+            row, col = pixel(x, y, z, environment.shape[0])
+            out[i] = environment[row, col]
+        else:
+            out[i] = np.nan
     return out
 
 

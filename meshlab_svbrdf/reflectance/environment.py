@@ -67,7 +67,7 @@ def environment_map(
     scale: str = "quantile",
     progress=lambda done, total: None,
 ) -> EnvironmentMap:
-    """Accumulate (Y − t)·V(r)·q along the mirror directions of the samples above the threshold (eq. 2).
+    """Accumulate (Y − t)·V(r)·q along the mirror directions of samples above the threshold (eq. 2).
 
     Parameters
     ----------
@@ -94,5 +94,5 @@ def environment_map(
     radiance = np.divide(amount, divisor, out=np.zeros_like(amount), where=divisor > 0)
     seen = radiance[weight > 0]
     top = 0.0 if not len(seen) else np.quantile(seen, 0.999) if scale == "quantile" else seen.max()
-    probability = np.clip(radiance / top, 0, 1) if top > 0 else np.zeros_like(radiance)
+    probability = np.clip(radiance / top, 0, 1) if top > 0 else (radiance > 0).astype(float)
     return EnvironmentMap(radiance, probability, weight)

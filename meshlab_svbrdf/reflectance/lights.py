@@ -11,6 +11,10 @@ from .directions import directions, solid_angles
 from .environment import EnvironmentMap
 
 
+LEAST_RESULTANT = 0.1
+"""|mean direction| of a blob below which it comes from all around and is no light."""
+
+
 @dataclass(frozen=True)
 class Light:
     """A light source.
@@ -34,7 +38,7 @@ class Light:
 
 
 def tangents(direction: np.ndarray) -> np.ndarray:
-    """Two unit vectors that span the tangent plane at a unit direction, (2, 3) (Duff et al. 2017)."""
+    """Two unit vectors, (2, 3), that span the tangent plane at a direction (Duff et al. 2017)."""
     x, y, z = direction
     sign = np.copysign(1.0, z)
     a = -1 / (sign + z)
@@ -89,6 +93,17 @@ def _connect(mask: np.ndarray, diagonal: bool = True) -> np.ndarray:
     return np.array([root(i) for i in range(len(parent))])[ids]
 
 
+def _blob_lights(ids: np.ndarray, energy: np.ndarray) -> list[Light]:
+    """A light for each component of a map, but where its directions cancel: an even sky has none."""
+    rays, pixel = directions(len(ids)), np.pi / len(ids)
+    blobs = [(rays[ids == k], energy[ids == k]) for k in np.unique(ids) if k]
+    return [
+        blob_light(r, e, pixel)
+        for r, e in blobs
+        if np.linalg.norm(e @ r) > LEAST_RESULTANT * e.sum()
+    ]
+
+
 def _rank(lights: list[Light], minimum_energy: float) -> list[Light]:
     """Strongest first, without those far below the strongest."""
     lights = sorted(lights, key=lambda light: -light.energy)
@@ -108,13 +123,8 @@ def lights_by_peaks(
     radiance, seen = environment.radiance, environment.seen
     if not (radiance[seen] > 0).any():
         return []
-    height = len(radiance)
     ids = _connect(seen & (radiance > level * np.quantile(radiance[seen], 0.9995)))
-    rays, energy = directions(height), radiance * solid_angles(height)
-    blobs = [
-        blob_light(rays[ids == k], energy[ids == k], np.pi / height) for k in np.unique(ids) if k
-    ]
-    return _rank(blobs, minimum_energy)
+    return _rank(_blob_lights(ids, radiance * solid_angles(len(radiance))), minimum_energy)
 
 
 def median_cut(energy: np.ndarray, count: int) -> list[tuple[int, int, int, int]]:
@@ -161,16 +171,10 @@ def lights_by_median_cut(
     probability = environment.probability
     if not (probability > 0).any():
         return []
-    height = len(probability)
-    solid = solid_angles(height)
+    solid = solid_angles(len(probability))
     energy = probability * solid
     kept = np.zeros(probability.shape, bool)
     for top, bottom, left, right in median_cut(energy, count):
         if solid[top:bottom, left:right].sum() <= 4 * np.pi / count:
             kept[top:bottom, left:right] = True
-    ids = _connect(kept & (energy > 0))
-    rays = directions(height)
-    blobs = [
-        blob_light(rays[ids == k], energy[ids == k], np.pi / height) for k in np.unique(ids) if k
-    ]
-    return _rank(blobs, minimum_energy)
+    return _rank(_blob_lights(_connect(kept & (energy > 0)), energy), minimum_energy)

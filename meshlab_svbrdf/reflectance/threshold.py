@@ -73,7 +73,7 @@ def luminance_threshold(
     count = len(observations.texels)
     threshold, mean, minimum = (np.full(count, np.nan, np.float32) for _ in range(3))
     rgb, samples = np.full((count, 3), np.nan, np.float32), np.zeros(count, np.int32)
-    cut = np.float32(np.floor(minimum_quality * 127) / 127)
+    cut = np.float32(np.rint(minimum_quality * 127) / 127)
 
     def work(block):
         _threshold(
