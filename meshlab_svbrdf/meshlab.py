@@ -154,6 +154,8 @@ class Bridge:
         if before is None or now.textures != before.textures:
             textures = self._save_textures(mesh)
         content = pull(self.meshes, identity, tuple(old.vertex_attributes))
+        if before is not None and now.geometry == before.geometry:
+            content = replace(content, mesh=old.mesh)
         layer.content, layer.path = replace(content, textures=textures), None
         self.known[identity] = now
 
@@ -173,26 +175,30 @@ class Fingerprint(NamedTuple):
     """Hashes of what a filter of MeshLab's may change in a mesh."""
 
     geometry: str
+    looks: str
     textures: str
 
 
 def fingerprint(mesh: pymeshlab.Mesh) -> Fingerprint:
-    arrays = [mesh.vertex_matrix(), mesh.face_matrix(), mesh.vertex_normal_matrix()]
+    geometry = [mesh.vertex_matrix(), mesh.face_matrix(), mesh.vertex_normal_matrix()]
     if mesh.has_wedge_tex_coord():
-        arrays.append(mesh.wedge_tex_coord_matrix())
-    if mesh.has_vertex_color():
-        arrays.append(mesh.vertex_color_array())
-    if mesh.has_vertex_scalar():
-        arrays.append(mesh.vertex_scalar_array())
-    geometry, textures = hashlib.sha256(), hashlib.sha256()
-    for array in arrays:
-        geometry.update(np.ascontiguousarray(array).tobytes() + b"|")
+        geometry.append(mesh.wedge_tex_coord_matrix())
+    looks = [mesh.vertex_color_array()] if mesh.has_vertex_color() else []
+    looks += [mesh.vertex_scalar_array()] if mesh.has_vertex_scalar() else []
+    textures = hashlib.sha256()
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "texture.bmp"
         for image in mesh.textures().values():
             image.save(str(path))
             textures.update(path.read_bytes())
-    return Fingerprint(geometry.hexdigest(), textures.hexdigest())
+    return Fingerprint(_hash(geometry), _hash(looks), textures.hexdigest())
+
+
+def _hash(arrays: list[np.ndarray]) -> str:
+    sha = hashlib.sha256()
+    for array in arrays:
+        sha.update(np.ascontiguousarray(array).tobytes() + b"|")
+    return sha.hexdigest()
 
 
 def run_on_document(document: Document, name: str, xml: str) -> None:

@@ -13,7 +13,9 @@ a working folder until `save_project` gives them a place; nothing that was loade
 from __future__ import annotations
 
 import os
+import shutil
 import tempfile
+import weakref
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -24,7 +26,7 @@ from . import registry
 from .document.document import Document
 from .document.layers import Layer
 from .document.project import RasterEntry
-from .document.views import write_views
+from .document.views import OBJECT, write_views
 from .errors import SvbrdfError
 from .geometry.camera import Camera
 from .meshlab import Bridge, run_xml
@@ -39,19 +41,31 @@ class MeshSet(pymeshlab.MeshSet):
     def __init__(self, verbose: bool = False) -> None:
         super().__init__(verbose)
         self._bridge: Bridge
+        self._forget: Callable[[], Any] = lambda: None
         self._behind = False  # MeshLab has not seen the newest results yet
         self._start(None)
 
     def _start(self, document: Document | None) -> None:
         """Work on `document`, or on an empty one, in a working folder of this set."""
         near = document.path.parent if document is not None else None
-        self._work = _work_folder(near)
+        work = self._new_work(near)
         if document is None:
-            document = Document.new(Path(self._work.name) / "project.mlp")
+            document = Document.new(work / "project.mlp")
         else:
-            document.move_to(Path(self._work.name) / document.path.name, link=True)
+            document.move_to(work / document.path.name, link=True)
         self._bridge = Bridge(document, self)
         self._stamps: dict[int, tuple[int, int] | None] = {}
+
+    def _new_work(self, near: Path | None) -> Path:
+        """A folder for results that have no place yet, in place of the one so far.
+
+        It is on the project's disk, if that can be written, and goes with this set.
+        """
+        here = near if near is not None and os.access(near, os.W_OK) else None
+        folder = tempfile.mkdtemp(prefix=".svbrdf-" if here else "svbrdf-", dir=here)
+        self._forget()
+        self._forget = weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
+        return Path(folder)
 
     # Projects
 
@@ -80,17 +94,14 @@ class MeshSet(pymeshlab.MeshSet):
         else:
             self._start(opened)
         for layer in opened.layers:
-            self._stamps[self._bridge.push(layer)] = _stamp(layer)
+            self._stamps[self._bridge.push(layer)] = _stamp(layer.path)
 
     def save_project(self, file_name: str | Path) -> None:
         """Write the project, every layer and the results beside it, whole or not at all."""
         path = Path(file_name).absolute()
-        document, work = self.document, self._work
-        layers = dict(self._bridge.layers)
+        document, layers = self.document, dict(self._bridge.layers)
         document.save(path)
-        self._work = _work_folder(path.parent)
-        document.move_to(Path(self._work.name) / path.name, link=True)
-        work.cleanup()
+        document.move_to(self._new_work(path.parent) / path.name, link=True)
         self._behind = True
 
         # Saving made our layers anew: MeshLab's meshes are theirs now
@@ -200,28 +211,36 @@ class MeshSet(pymeshlab.MeshSet):
         for identity, layer in list(bridge.layers.items()):
             if not layer.ours:
                 continue
-            if layer.label in ours and _stamp(ours[layer.label]) == self._stamps.get(identity):
+            if layer.label in ours and _stamp(ours[layer.label].path) == self._stamps.get(identity):
                 bridge.layers[identity] = ours.pop(layer.label)
             else:
                 bridge.drop(identity)
         document.layers = written
         for layer in ours.values():
-            self._stamps[bridge.push(layer)] = _stamp(layer)
+            self._stamps[bridge.push(layer)] = _stamp(layer.path)
+        self._show_diffuse()
         if pymeshlab.MeshSet.mesh_id_exists(self, current):
             pymeshlab.MeshSet.set_current_mesh(self, current)
 
+    def _show_diffuse(self) -> None:
+        """Give MeshLab's object its diffuse texture; of several, its filters can set none."""
+        document, bridge = self._bridge.document, self._bridge
+        textures = document.map_paths("diffuse", "png")
+        for identity, layer in bridge.layers.items():
+            mesh = pymeshlab.MeshSet.mesh(self, identity)
+            wears = layer.path == document.folder / OBJECT and mesh.has_wedge_tex_coord()
+            if not wears or len(textures) != 1 or _stamp(textures[0]) == self._stamps.get(identity):
+                continue
+            self._stamps[identity] = _stamp(textures[0])
+            pymeshlab.MeshSet.set_current_mesh(self, identity)
+            super().apply_filter("set_texture_per_mesh", textname=str(textures[0]))
+            bridge.settle(identity)
 
-def _stamp(layer: Layer) -> tuple[int, int] | None:
-    """What tells whether a layer's file is the one that MeshLab was given."""
-    status = layer.path.stat() if layer.path is not None else None
+
+def _stamp(path: Path | None) -> tuple[int, int] | None:
+    """What tells whether a file is the one that MeshLab was given."""
+    status = path.stat() if path is not None else None
     return (status.st_mtime_ns, status.st_size) if status else None
-
-
-def _work_folder(near: Path | None) -> tempfile.TemporaryDirectory[str]:
-    """A folder for results that have no place yet: on the project's disk, if it can be written."""
-    if near is not None and os.access(near, os.W_OK):
-        return tempfile.TemporaryDirectory(prefix=".svbrdf-", dir=near, ignore_cleanup_errors=True)
-    return tempfile.TemporaryDirectory(prefix="svbrdf-", ignore_cleanup_errors=True)
 
 
 def _looking(name: str) -> Callable[..., Any]:

@@ -127,7 +127,8 @@ class _Views:
         ]
 
     def _write_object(self, entry: str, layer: Layer, textures: list[Path]) -> None:
-        if not self._changed(entry, [self.geometry, [path.name for path in textures]]):
+        changed = self._changed(entry, [self.geometry, [path.name for path in textures]])
+        if not changed and not (entry == OBJECT and layer.path is None):
             return
         content = layer.read()
         mesh = self.document._local_mesh(layer)

@@ -1,0 +1,183 @@
+"""The shell: what it prints, where it writes, how it ends."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+from typer.testing import CliRunner
+
+from meshlab_svbrdf import cli
+from meshlab_svbrdf.document.document import Document
+from meshlab_svbrdf.document.record import ResultFolder
+
+pytestmark = pytest.mark.usefixtures("demos")
+
+CHAIN = """<FilterScript><filter name="compute_demo_texels"/>
+<filter name="compute_demo_shade"><Param name="fail" value="{fail}"/></filter></FilterScript>"""
+
+
+@pytest.fixture
+def chain(tmp_path):
+    def write(fail: str = "no") -> str:
+        path = tmp_path / f"{fail}.mlx"
+        path.write_text(CHAIN.format(fail=fail))
+        return str(path)
+
+    return write
+
+
+def shell(*words):
+    return CliRunner().invoke(cli.app, [str(word) for word in words])
+
+
+def test_a_run_prints_a_line_for_each_stage_and_what_to_open(small_project, tmp_path, chain):
+    result = shell("run", small_project, "-o", tmp_path / "out", "--script", chain())
+    assert result.exit_code == 0, result.output
+    lines = result.stdout.splitlines()
+    assert [line.split()[0] for line in lines[:2]] == ["compute_demo_texels", "compute_demo_shade"]
+    assert lines[1].endswith("shaded")
+    assert lines[-1] == f"Open {tmp_path / 'out' / 'small.mlp'} in MeshLab."
+    labels = [layer.label for layer in Document.open(tmp_path / "out" / "small.mlp").layers]
+    assert labels == ["stone", "map: height", "texels"]
+    again = shell("run", small_project, "-o", tmp_path / "out", "--script", chain())
+    assert [line.split()[-1] for line in again.stdout.splitlines()[:2]] == ["unchanged"] * 2
+
+
+def test_json_is_all_that_is_printed_when_asked(small_project, tmp_path, chain):
+    result = shell("run", small_project, "-o", tmp_path / "out", "--script", chain(), "--json")
+    told = json.loads(result.stdout)
+    assert told["project"] == str(tmp_path / "out" / "small.mlp")
+    assert [stage["name"] for stage in told["stages"]] == [
+        "compute_demo_texels",
+        "compute_demo_shade",
+    ]
+    assert told["stages"][1].keys() >= {"message", "seconds", "cpu_seconds", "skipped"}
+
+
+def test_an_error_is_one_message_and_what_was_finished_is_saved(small_project, tmp_path, chain):
+    result = shell("run", small_project, "-o", tmp_path / "out", "--script", chain("error"))
+    assert result.exit_code == 1
+    assert "Error: the demo fails as asked" in result.stderr
+    assert "Traceback" not in result.output
+    assert [x.label for x in Document.open(tmp_path / "out" / "small.mlp").layers] == [
+        "stone",
+        "texels",
+    ]
+    told = shell("run", small_project, "-o", tmp_path / "out", "--script", chain("error"), "--json")
+    assert [stage["skipped"] for stage in json.loads(told.stdout)["stages"]] == [True]
+
+
+def test_an_interrupted_run_ends_with_130_and_goes_on_later(small_project, tmp_path, chain):
+    result = shell("run", small_project, "-o", tmp_path / "out", "--script", chain("interrupt"))
+    assert result.exit_code == 130
+    assert "goes on from there" in result.stderr
+    again = shell("run", small_project, "-o", tmp_path / "out", "--script", chain())
+    assert again.stdout.splitlines()[0].endswith("unchanged")
+    assert again.exit_code == 0
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        [],
+        ["run"],
+        ["run", "x.mlp"],
+        ["walk"],
+        ["run", "x.mlp", "-o", "y", "--texture-size", "big"],
+        ["run", "x.mlp", "-o", "y", "--estimator", "both"],
+        ["run", "x.mlp", "-o", "y", "--estimator", "joint", "--script", "z.mlx"],
+    ],
+)
+def test_wrong_usage_ends_with_2(words):
+    assert shell(*words).exit_code == 2
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["info", "nowhere.mlp"], "nowhere.mlp"),
+        (["info", "frames.zip"], "expected a MeshLab project"),
+        (["filters", "compute_demo_texel"], "did you mean compute_demo_texels"),
+        (
+            ["apply", "{project}", "compute_demo_texels", "size"],
+            "expected name=value, found 'size'",
+        ),
+        (["apply", "{project}", "compute_demo_texels", "size=1"], "expected a whole number from 4"),
+        (["apply", "{project}", "compute_demo_shade"], "run compute_demo_texels first"),
+        (
+            ["run", "{project}", "-o", "{out}", "--script", "{chain}", "--texture-size", "8"],
+            "no compute_svbrdf_texels",
+        ),
+        (
+            ["run", "{project}", "-o", "{out}", "--script", "{chain}", "--layer", "x"],
+            "no mesh layer 'x'",
+        ),
+    ],
+)
+def test_errors_of_the_input_end_with_1_and_say_what_to_do(
+    small_project, tmp_path, chain, words, says
+):
+    names = {"project": small_project, "out": tmp_path / "out", "chain": chain()}
+    result = shell(*(word.format(**names) for word in words))
+    assert result.exit_code == 1
+    assert says in " ".join(result.stderr.split())
+    assert "Traceback" not in result.output
+
+
+def test_one_filter_is_applied_in_place_or_elsewhere(small_project, tmp_path):
+    result = shell(
+        "apply", small_project, "compute_demo_texels", "size=8", "-o", tmp_path / "o.mlp"
+    )
+    assert result.exit_code == 0, result.output
+    assert not small_project.with_suffix(".svbrdf").exists()
+    assert ResultFolder(tmp_path / "o.svbrdf").record["runs"]["compute_demo_texels"][
+        "parameters"
+    ] == {"size": 8}
+    assert shell("apply", tmp_path / "o.mlp", "compute_demo_shade").exit_code == 0
+    assert shell("apply", small_project, "compute_demo_texels").exit_code == 0
+    assert small_project.with_suffix(".svbrdf").exists()
+
+
+def test_filters_are_listed_and_described(demos):
+    listed = shell("filters").stdout.splitlines()
+    assert [line.split()[0] for line in listed] == list(demos)
+    assert (
+        "| `size` | `16` | a whole number from 4 to 64 (pixels) |"
+        in shell("filters", "compute_demo_texels").stdout
+    )
+    described = json.loads(shell("filters", "--json").stdout)
+    assert [filter["id"] for filter in described] == list(demos)
+    assert json.loads(shell("filters", "compute_demo_texels", "--json").stdout) == described[0]
+
+
+def test_info_tells_what_is_there_and_what_is_older(small_project, tmp_path, chain):
+    shell("run", small_project, "-o", tmp_path / "out", "--script", chain(), "--hold-out")
+    project = tmp_path / "out" / "small.mlp"
+    shell("apply", project, "compute_demo_texels", "size=8")
+    told = json.loads(shell("info", project, "--json").stdout)
+    assert told["rasters"] == 9
+    assert told["held_out"] == 1
+    assert told["layers"]["stone"] == "4 vertices, 4 faces"
+    states = {name: product["state"] for name, product in told["products"].items()}
+    assert states == {"texels": "up to date", "shade": "older than the texels"}
+    assert "result   shade: shaded (older than the texels)" in shell("info", project).stdout
+
+
+def test_two_runs_on_one_output_do_not_mix(small_project, tmp_path, chain):
+    folder = ResultFolder(tmp_path / "out" / "small.svbrdf")
+    with folder.locked():
+        result = shell("run", small_project, "-o", tmp_path / "out", "--script", chain())
+    assert result.exit_code == 1
+    assert "another run" in result.stderr
+
+
+def test_the_command_is_installed_and_starts_without_meshlab():
+    code = (
+        "import sys; from meshlab_svbrdf import cli\n"
+        "from typer.testing import CliRunner\n"
+        "result = CliRunner().invoke(cli.app, ['--help'])\n"
+        "assert result.exit_code == 0 and 'run' in result.stdout\n"
+        "assert 'pymeshlab' not in sys.modules\n"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
