@@ -23,7 +23,7 @@ def set_texture(document: Document, name: str, texels: Texels, colors: np.ndarra
 
 
 def set_diffuse_maps(document: Document, texels: Texels, diffuse: np.ndarray) -> None:
-    """diffuse.exr, diffuse.png and valid.png of D (T, 3) in 0..100; in the PNG, unobserved is grey."""
+    """diffuse.exr and .png, and valid.png, of D (T, 3) in 0..100; unobserved is grey in the PNG."""
     linear = (diffuse / 100).astype(np.float32)
     observed = np.isfinite(linear).all(axis=1)
     document.set_map("diffuse", texels.to_images(linear))
