@@ -2,7 +2,7 @@
 
 
 class SvbrdfError(Exception):
-    """Base of every error that this suite raises on purpose; its text is shown to the user as it is."""
+    """Base of every error that this suite raises on purpose; users are shown its text as it is."""
 
 
 class MissingStageError(SvbrdfError):
