@@ -1,4 +1,7 @@
-"""A pinhole camera in OpenCV's convention: x ~ K (R X + t), y down, z forward, pixel centres whole."""
+"""A pinhole camera in OpenCV's convention: x ~ K (R X + t), y down, z forward.
+
+Pixel centres are whole numbers.
+"""
 
 from __future__ import annotations
 
@@ -35,14 +38,14 @@ class Camera:
         return np.array([[self.fx, 0, self.cx], [0, self.fy, self.cy], [0, 0, 1.0]])
 
     def about(self, origin: np.ndarray) -> Camera:
-        """The same camera in a world whose origin has moved to `origin` (float32 needs it small)."""
+        """The same camera in a world whose origin has moved to `origin` (float32 needs it near)."""
         return Camera(
             self.width, self.height, self.fx, self.fy, self.cx, self.cy,
             self.R, self.t + self.R @ origin,
         )  # fmt: skip
 
     def project(self, points: np.ndarray) -> np.ndarray:
-        """World points (N, 3) to (N, 3): column, row (pixels) and depth (world units, > 0 in front)."""
+        """World points (N, 3) to (N, 3): column and row (pixels), depth (world, > 0 in front)."""
         p = points @ self.R.T + self.t
         z = p[:, 2]
         with np.errstate(divide="ignore", invalid="ignore"):
