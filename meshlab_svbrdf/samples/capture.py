@@ -1,4 +1,4 @@
-"""Projecting one frame to the texels: which see it, how well, and in what colour (method 1, [CCCS08])."""
+"""One frame projected to texels: which see it, how well, in what colour (method 1, [CCCS08])."""
 
 from __future__ import annotations
 
@@ -26,7 +26,8 @@ _TO_CODE = np.rint(255 * encode((np.arange(_STEPS + 1)) / _STEPS)).astype(np.uin
 class Quality:
     """How the quality of a sample falls (method 1); lengths in pixels scale with width / 640.
 
-    border : pixels at 640 wide over which quality rises from a depth jump, image border or mask edge
+    border : pixels, at 640 wide, over which quality rises from a depth jump, the image's border or
+        the mask's edge
     jump : depth step that counts as a jump, in radii
     occlusion : how much deeper than the depth map a texel may lie and still be seen, in radii
     cut : samples below this quality are dropped
@@ -65,7 +66,7 @@ def _sample(
     to_linear, to_code, border, occlusion, reference_depth, cut,
     out_texel, out_rgb, out_quality,
 ):  # fmt: skip
-    """Test, weigh and sample every texel; returns how many are seen. Writes in the texels' order."""
+    """Test, weigh and sample every texel, in their order; returns how many are seen."""
     height, width = inverse_depth.shape
     fx, fy, cx, cy = intrinsics
     steps = len(to_code) - 1
@@ -184,7 +185,7 @@ class FrameSampler:
         -------
         texel : (n,) int32, ascending
         rgb : (n, 3) uint8, sRGB, interpolated in linear light
-        quality : (n,) uint8: quality · 127 in the low seven bits, the top bit where any tap was clipped
+        quality : (n,) uint8: quality · 127 in the low seven bits; the top bit: any tap was clipped
         """
         q, texels = self.quality, self.texels
         size = (camera.height, camera.width)
@@ -209,7 +210,7 @@ class FrameSampler:
             np.array([camera.fx, camera.fy, camera.cx, camera.cy], np.float32),
             camera.center.astype(np.float32), np.ascontiguousarray(image), inverse_depth, distance,
             _TO_LINEAR, _TO_CODE, np.float32(q.border * camera.width / 640),
-            np.float32(q.occlusion * texels.radius), np.float32(self.reference_depth), np.float32(q.cut),
-            texel, rgb, weight,
+            np.float32(q.occlusion * texels.radius), np.float32(self.reference_depth),
+            np.float32(q.cut), texel, rgb, weight,
         )  # fmt: skip
         return texel[:n].copy(), rgb[:n].copy(), weight[:n].copy()

@@ -1,4 +1,4 @@
-"""How bright each frame is, seen from the texels that the frames share (method 1, real photographs)."""
+"""How bright each frame is, seen from the texels that frames share (method 1, real photographs)."""
 
 from __future__ import annotations
 
@@ -10,14 +10,17 @@ from .observations import Observations, color
 
 @njit(cache=True, nogil=True)
 def _ratios(block, view, stride, logs, texel_of, frame_of, filled):
-    """ln of the samples' colours, of every `stride`-th texel, with texel and frame; clipped and dark left out."""
+    """ln colours, texels and frames of every `stride`-th texel; clipped and dark ones left out."""
     n = filled
     for i in range(block.stop - block.first):
         t = block.first + i
         if t % stride != 0:
             continue
         for j in range(block.offsets[i], block.offsets[i + 1]):
-            if block.quality[j] >= 128 or min(block.rgb[j, 0], block.rgb[j, 1], block.rgb[j, 2]) < 8:
+            if (
+                block.quality[j] >= 128
+                or min(block.rgb[j, 0], block.rgb[j, 1], block.rgb[j, 2]) < 8
+            ):
                 continue
             r, g, b = color(block, view, j)
             logs[n, 0], logs[n, 1], logs[n, 2] = np.log(r), np.log(g), np.log(b)

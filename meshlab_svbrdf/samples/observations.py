@@ -18,7 +18,8 @@ from .store import SampleStore
 class View(NamedTuple):
     """The arrays that kernels read, as one argument.
 
-    position, normal : (T, 3) float32 about the centre; face : (T,) int32; barycentric : (T, 3) float32
+    position, normal : (T, 3) float32 about the centre
+    face : (T,) int32; barycentric : (T, 3) float32
     eyes : (F, 3) float32, where each frame's camera stands, about the centre
     scale : (F, 3) float32, linear 0..1 of a frame's channel to 0..100 of the median exposure
     faces : (M, 3) int32; coefficients : (V, 36) float32 of the visibility, or (0, 36): all visible
@@ -90,7 +91,7 @@ def observe(
         np.array([c.center - texels.center for c in cameras], np.float32).reshape(count, 3),
         np.ascontiguousarray(100.0 / gain, np.float32),
         np.array(faces, np.int32),
-        np.zeros((0, 36), np.float32) if coefficients is None else np.array(coefficients, np.float32),
+        np.array(np.zeros((0, 36)) if coefficients is None else coefficients, np.float32),
         decode(np.arange(256) / 255).astype(np.float32),
     )  # fmt: skip
     return Observations(

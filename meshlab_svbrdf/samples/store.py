@@ -1,9 +1,9 @@
-"""The sample store: frames are projected once; afterwards every texel's history is read in one piece.
+"""The sample store: frames are projected once, and every texel's history is read in one piece.
 
 On disk a store is a folder of chunks of at most 256 frames. A chunk holds its samples texel-major
-(CSR): `offsets` (T+1) uint32, and per sample `frame` uint8 (within the chunk), `rgb` 3 × uint8 (sRGB)
-and `quality` uint8 (7 bits, the top bit marks clipped): 5 bytes a sample. Readers get blocks of
-texels whose samples are the concatenation of a few slices, in the order of the frames.
+(CSR): `offsets` (T+1) uint32, and per sample `frame` uint8 (within the chunk), `rgb` 3 × uint8
+(sRGB) and `quality` uint8 (7 bits, the top bit marks clipped): 5 bytes a sample. Readers get
+blocks of texels whose samples are the concatenation of a few slices, in the order of the frames.
 """
 
 from __future__ import annotations
@@ -173,12 +173,15 @@ class SampleStore:
         cursor = offsets[:-1].copy()
         for (first_frame, arrays), span in zip(self._chunks, spans, strict=True):
             low, high = int(span[0]), int(span[-1])
-            slices = (np.asarray(arrays[name][low:high]) for name in _COLUMNS)
-            _gather(np.asarray(span), low, *slices, first_frame, cursor, frame, rgb, quality)
+            frames, colors, weights = (np.asarray(arrays[name][low:high]) for name in _COLUMNS)
+            _gather(
+                np.asarray(span), low, frames, colors, weights, first_frame, cursor,
+                frame, rgb, quality,
+            )  # fmt: skip
         return Block(first, stop, offsets, frame, rgb, quality)
 
     def block_bounds(self, samples: int = 1 << 21) -> list[tuple[int, int]]:
-        """Ranges of texels with about `samples` samples each; they depend on nothing but the store."""
+        """Ranges of texels with about `samples` samples each; they depend on the store alone."""
         total = np.concatenate([[0], np.cumsum(self.counts())])
         cuts = np.searchsorted(total, np.arange(samples, total[-1], samples))
         edges = np.unique(np.concatenate([[0], cuts, [self.texels]]))
@@ -194,7 +197,7 @@ class SampleStore:
         work: Callable[[Block], object],
         progress: Callable[[int, int], None] = lambda d, t: None,
     ) -> list:
-        """`work` on every block, on all cores; results in the order of the blocks, whatever the threads."""
+        """`work` on every block, on all cores; the results come in the order of the blocks."""
         bounds = self.block_bounds()
         results = []
         with ThreadPoolExecutor(thread_count()) as pool:
