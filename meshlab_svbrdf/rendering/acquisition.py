@@ -27,8 +27,9 @@ NEGLIGIBLE = 1e-4
 class Appearance:
     """What a texture image holds, one entry per texture of the mesh.
 
-    diffuse : (H, W, 3) linear, 1 = 255, NaN where unobserved; rho_s, alpha : (H, W), NaN where there
-    is no gloss; tint : (H, W, 3), the highlight's colour, luminance 1
+    diffuse : (H, W, 3) linear, 1 = 255, NaN where unobserved
+    rho_s, alpha : (H, W), NaN where there is no gloss
+    tint : (H, W, 3), the highlight's colour, luminance 1
     normal : (H, W, 3) world, NaN outside the charts; or None: the mesh's own
     """
 
@@ -82,11 +83,18 @@ class AcquisitionRenderer:
     shadows : whether lights are tested against the mesh
     """
 
-    def __init__(self, mesh: Mesh, appearance: Sequence[Appearance], lights: list[Light], shadows: bool = True):
+    def __init__(
+        self,
+        mesh: Mesh,
+        appearance: Sequence[Appearance],
+        lights: list[Light],
+        shadows: bool = True,
+    ):
         if mesh.uv is None:
             raise ValueError("the mesh has no texture coordinates")
         self.center, self.radius = mesh.center, mesh.radius
-        self.mesh = replace(mesh, vertices=mesh.vertices - self.center, normals=mesh.vertex_normals())
+        vertices = mesh.vertices - self.center
+        self.mesh = replace(mesh, vertices=vertices, normals=mesh.vertex_normals())
         self.appearance = [_filled(each) for each in appearance]
         self.lights, self.shadows = lights, shadows
         faces = len(mesh.faces)
@@ -94,7 +102,7 @@ class AcquisitionRenderer:
         self.texture = np.maximum(index, 0)
 
     def render(self, camera: Camera, supersampling: int = 2) -> tuple[np.ndarray, np.ndarray]:
-        """The view: (H, W, 3) float64 linear, 1 = 255, black background; and coverage (H, W) in [0, 1].
+        """The view (H, W, 3) float64, linear, 1 = 255, black around; and coverage (H, W) in [0, 1].
 
         supersampling : rays per pixel and direction; the pixel is their mean in linear light
         """
@@ -107,7 +115,8 @@ class AcquisitionRenderer:
         rows, cols = np.nonzero(face_index >= 0)
         image, coverage = np.zeros((*face_index.shape, 3)), np.zeros(face_index.shape)
         if len(rows):
-            image[rows, cols] = np.clip(self._shade(fine, rows, cols, face_index[rows, cols]), 0, None)
+            shaded = self._shade(fine, rows, cols, face_index[rows, cols])
+            image[rows, cols] = np.clip(shaded, 0, None)
             coverage[rows, cols] = 1
         shape = (camera.height, s, camera.width, s)
         return image.reshape(*shape, 3).mean((1, 3)), coverage.reshape(shape).mean((1, 3))
@@ -118,7 +127,10 @@ class AcquisitionRenderer:
         assert mesh.uv is not None
         weights = np.empty((len(face), 3))
         points = np.ascontiguousarray(mesh.vertices @ camera.R.T + camera.t)
-        _barycentric(points, mesh.faces, camera.fx, camera.fy, camera.cx, camera.cy, rows, cols, face, weights)
+        _barycentric(
+            points, mesh.faces, camera.fx, camera.fy, camera.cx, camera.cy,
+            rows, cols, face, weights,
+        )  # fmt: skip
         corners = mesh.faces[face]
         position = np.einsum("nc,ncd->nd", weights, mesh.vertices[corners])
         normal = np.einsum("nc,ncd->nd", weights, mesh.vertex_normals()[corners])
@@ -132,7 +144,10 @@ class AcquisitionRenderer:
             height, width = look.rho_s.shape
             col, row = uv[on, 0] * width - 0.5, (1 - uv[on, 1]) * height - 0.5
             diffuse[on] = _bilinear(look.diffuse, col, row)
-            near = np.clip(np.rint(row).astype(int), 0, height - 1), np.clip(np.rint(col).astype(int), 0, width - 1)
+            near = (
+                np.clip(np.rint(row).astype(int), 0, height - 1),
+                np.clip(np.rint(col).astype(int), 0, width - 1),
+            )
             rho_s[on], alpha[on], tint[on] = look.rho_s[near], look.alpha[near], look.tint[near]
             if look.normal is not None:
                 normal[on] = _bilinear(look.normal, col, row)
@@ -155,7 +170,8 @@ class AcquisitionRenderer:
             if self.shadows and len(lit):
                 place = light.position(np.zeros(3), self.radius)
                 lights = [(light.direction, place)]
-                amount[lit] *= directional_visibility(mesh, position[lit], normal[lit], lights)[:, 0]
+                visible = directional_visibility(mesh, position[lit], normal[lit], lights)
+                amount[lit] *= visible[:, 0]
             specular += amount
         return diffuse + specular[:, None] * tint
 
