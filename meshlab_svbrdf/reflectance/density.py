@@ -13,7 +13,7 @@ MINIMUM_TEXELS = 16
 
 @dataclass(frozen=True)
 class Bell:
-    """The statistical bell of ρs: (x, density) to plot, its limits at half maximum, and what lies in it."""
+    """The statistical bell of ρs: (x, density) to plot, limits at half maximum, what lies in it."""
 
     rho_s: float
     alpha: float
@@ -34,7 +34,7 @@ def silverman(values: np.ndarray) -> float:
 def highest_bell(
     rho_s: np.ndarray, alpha: np.ndarray, *, density: str = "log", bell: str = "median"
 ) -> Bell | None:
-    """The average of ρs and α inside the bell of the mode of highest density; None for too few texels.
+    """The average of ρs and α inside the bell of the highest mode; None for too few texels.
 
     Parameters
     ----------
@@ -65,6 +65,6 @@ def highest_bell(
     average = np.median if bell == "median" else np.mean
     back = np.exp if density == "log" else np.asarray
     return Bell(
-        float(average(rho_s[inside])), float(average(alpha[inside])), float(back(low)), float(back(high)),
-        int(inside.sum()), back(x), f,
+        float(average(rho_s[inside])), float(average(alpha[inside])),
+        float(back(low)), float(back(high)), int(inside.sum()), back(x), f,
     )  # fmt: skip

@@ -54,7 +54,7 @@ def cone_weights(cone: float, kernel: str, rings: int = 4) -> np.ndarray:
 
 
 def cone_average(probability: np.ndarray, cone: float, kernel: str = "angle") -> np.ndarray:
-    """Eq. 4 without visibility for every mirror direction at once: an octahedral map (C, C) float32."""
+    """Eq. 4 without visibility, for every mirror direction: an octahedral map (C, C) float32."""
     out = np.empty((_CELLS, _CELLS), np.float32)
     weights = cone_weights(cone, kernel)
     for row, axes in enumerate(octahedral_directions(_CELLS)):
@@ -65,7 +65,7 @@ def cone_average(probability: np.ndarray, cone: float, kernel: str = "angle") ->
 
 @njit(cache=True, nogil=True)
 def specular_weight(y, b, threshold, minimum):
-    """Eq. 3 and 5 with their guards: s = b^(w²) / w in [0, 1], w = (t − min) / (Y − min) in [¼, 4]."""
+    """Eq. 3 and 5, guarded: s = b^(w²) / w in [0, 1], w = (t − min) / (Y − min) in [¼, 4]."""
     if y <= minimum or b <= 0:
         return 0.0
     w = (threshold - minimum) / (y - minimum) if threshold - minimum >= 1e-6 else 1.0
@@ -148,9 +148,9 @@ def _diffuse(
             median = np.median(ys[:n])
             for j in range(n):
                 ws[j] = abs(ys[j] - median)
-            bound = median + 1.5 * np.median(ws[:n])
+            bound = np.float64(median + 1.5 * np.median(ws[:n]))
         else:
-            bound = np.quantile(ys[:n], 0.25)
+            bound = np.float64(np.quantile(ys[:n], 0.25))
         # Average the colours below the bound (eq. 6)
         red, green, blue, weight = 0.0, 0.0, 0.0, 0.0
         for j in range(n):
@@ -184,7 +184,7 @@ def diffuse_color(
     cone : half angle of the cone of directions about the mirror direction, degrees
     cone_kernel : "angle" or "literal", see `cone_weights`
     cone_visibility : V(ω) in each of the 16 directions (eq. 4's letter) instead of V(r) once; slow
-    weights : mean and deviation weighted with "1-s" or, to the letter, with "s", which biases upward
+    weights : mean and deviation weighted with "1-s" or, to the letter, "s", which biases upward
     """
     averaged = cone_average(probability, cone, cone_kernel)
     plain = look_up(probability, octahedral_directions(_CELLS).reshape(-1, 3)).reshape(
@@ -200,7 +200,8 @@ def diffuse_color(
     def work(block):
         _diffuse(
             block, observations.view, statistics.threshold, statistics.minimum, averaged,
-            plain.astype(np.float32), table, cone_visibility, weights == "s", METHODS.index(method), out,
+            plain.astype(np.float32), table, cone_visibility, weights == "s",
+            METHODS.index(method), out,
         )  # fmt: skip
 
     observations.store.map(work, progress)

@@ -133,8 +133,8 @@ def eliminate(
     def work(first, stop):
         sums = np.zeros((materials, 3, len(ALPHAS)))
         _eliminate(
-            first, stop, samples.offsets, samples.material, samples.luminance, weight, samples.mirror,
-            rays, gains, sums,
+            first, stop, samples.offsets, samples.material, samples.luminance, weight,
+            samples.mirror, rays, gains, sums,
         )  # fmt: skip
         return sums
 

@@ -1,4 +1,4 @@
-"""Whether the samples determine a material's gloss at all: else it is "unobserved", not a number (method 9)."""
+"""Do the samples determine a material's gloss? Else it is "unobserved", not a number (method 9)."""
 
 from __future__ import annotations
 
@@ -30,7 +30,10 @@ class Evidence:
 
 @njit(cache=True, nogil=True)
 def _evidence(first, stop, offsets, material, rgb, y, w, specular, residual, noise, sums):
-    """Add to sums (M, 4 + 3 + 3): ΣwS̃², Σw²S̃²e², Σwe² and Σwỹ² of the texels that show the lobe, Σw S̃ c̃, Σw²S̃²c̃²."""
+    """Add to sums (M, 4 + 3 + 3), over the texels that show the lobe.
+
+    ΣwS̃², Σw²S̃²e², Σwe² and Σwỹ²; then, per channel, ΣwS̃c̃ and Σw²S̃²c̃².
+    """
     for i in range(first, stop):
         m = material[i]
         sw, ss, sy, top = 0.0, 0.0, 0.0, 0.0
@@ -114,7 +117,7 @@ def verdict(rho_s: float, at_end: bool, evidence: Evidence, width: float) -> str
         return f"the shininess is uncertain by a factor of {np.exp(width):.1f}"
     if not evidence.explained > EXPLAINED_LEAST:
         return (
-            f"the highlights explain {max(evidence.explained, 0):.0%} of what the texels' brightness varies by "
-            f"(needs {EXPLAINED_LEAST:.0%})"
+            f"the highlights explain {max(evidence.explained, 0):.0%} of what the texels' "
+            f"brightness varies by (needs {EXPLAINED_LEAST:.0%})"
         )
     return ""

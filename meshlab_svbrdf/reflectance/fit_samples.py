@@ -17,7 +17,7 @@ from ..samples.observations import (
 )
 
 SATURATED = 98.0
-"""Luminance, 0..100 of the frame's own scale, above which a sample counts as clipped (paper §7.2)."""
+"""Luminance, 0..100 on the frame's own scale, above which a sample is clipped (paper §7.2)."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class FitSamples:
 
 @njit(cache=True, nogil=True)
 def is_clipped(block, view, j):
-    """Any tap of sample j was clipped, or its luminance, before exposure is divided out, is above 98."""
+    """Any tap of sample j was clipped, or its luminance before dividing by exposure is above 98."""
     f = block.frame[j]
     own = (
         sample_luminance(block, view, j)
@@ -90,7 +90,7 @@ def collect(observations: Observations, texel: np.ndarray, material: np.ndarray)
 
 
 def normal_turn(mesh: Mesh) -> np.ndarray:
-    """How fast the normal turns, radians per radius: per vertex, the largest over its edges; (V,)."""
+    """How fast the normal turns, radians per radius: (V,), the largest over a vertex's edges."""
     normals = mesh.vertex_normals()
     turn = np.zeros(len(mesh.vertices))
     for a, b in ((0, 1), (1, 2), (2, 0)):
@@ -120,7 +120,8 @@ def choose_texels(
 
     Parameters
     ----------
-    material : (T,) int32, -1 for none; counts : (T,) samples per texel; turn : (T,) radians per radius
+    material : (T,) int32, -1 for none; counts : (T,) samples per texel
+    turn : (T,) radians per radius
     limit : largest turn; where less than 5 % of a material has it, its flattest 5 % are taken
     samples : about how many samples to choose altogether; the materials share them evenly
     offset : another one chooses other texels (for samples held out of the fit)

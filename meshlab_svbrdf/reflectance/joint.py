@@ -1,15 +1,15 @@
 """The joint estimator: materials, lights and diffuse colour from the same samples (method 9).
 
-y_ij = D_i + ρ_m φ_ij(α_m), φ_ij = Σ_k g_k V_ik (l_ik·r_ij)₊^α. Rounds of: eliminate D exactly for ρs and
-α, weigh the samples by their residuals, let clipped samples count as lower bounds, and take one
-Gauss-Newton step on the lights.
+y_ij = D_i + ρ_m φ_ij(α_m), φ_ij = Σ_k g_k V_ik (l_ik·r_ij)₊^α. Rounds of: eliminate D exactly for
+ρs and α, weigh the samples by their residuals, let clipped samples count as lower bounds, and take
+one Gauss-Newton step on the lights.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
@@ -28,7 +28,7 @@ from .phong import Lamps, lamps, light_texels, lobe
 class Material:
     """One material's reflectance; luminance units, 0..100.
 
-    rho_s, alpha : as seen under lights of gain 1 (a lamp's size widens the lobe); NaN where unobserved
+    rho_s, alpha : as seen under lights of gain 1 (a lamp's size widens the lobe); NaN if unobserved
     observed : whether the samples determine them; reason : if not, why
     z, width, explained : the evidence: ρ over its error, the interval of ln α, explained variance
     color : (3,) of the highlight, luminance 1; (1, 1, 1) is white
@@ -82,7 +82,7 @@ def _predict(
 def _reweigh(
     first, stop, offsets, material, quality, clipped, specular, residual, scale, use_clipped, w
 ):
-    """w = q · huber, h = h0 + .2 S; a clipped sample counts only where it was predicted too dark."""
+    """w = q · huber, h = h0 + .2 S; a clipped sample counts only if it was predicted too dark."""
     for i in range(first, stop):
         h0 = scale[material[i]]
         for j in range(offsets[i], offsets[i + 1]):
@@ -148,42 +148,18 @@ class _State:
 
     def predict(self, rho: np.ndarray, alpha: np.ndarray) -> None:
         s = self.samples
-        self.chunks(
-            lambda a, b: _predict(
-                a,
-                b,
-                s.offsets,
-                s.material,
-                s.luminance,
-                s.mirror,
-                self.rays,
-                self.gains,
-                rho,
-                alpha,
-                self.weight,
-                self.specular,
-                self.residual,
-            )  # fmt: skip
-        )
+        self.chunks(lambda a, b: _predict(
+            a, b, s.offsets, s.material, s.luminance, s.mirror, self.rays, self.gains, rho, alpha,
+            self.weight, self.specular, self.residual,
+        ))  # fmt: skip
 
     def reweigh(self, use_clipped: bool) -> np.ndarray:
         s = self.samples
         scale = _huber_scale(s, self.residual, self.weight, self.materials)
-        self.chunks(
-            lambda a, b: _reweigh(
-                a,
-                b,
-                s.offsets,
-                s.material,
-                s.quality,
-                s.clipped,
-                self.specular,
-                self.residual,
-                scale,
-                use_clipped,
-                self.weight,
-            )  # fmt: skip
-        )
+        self.chunks(lambda a, b: _reweigh(
+            a, b, s.offsets, s.material, s.quality, s.clipped, self.specular, self.residual,
+            scale, use_clipped, self.weight,
+        ))  # fmt: skip
         return scale
 
 
@@ -242,7 +218,7 @@ def fit(
             history.append({"rho_s": rho.tolist(), "alpha": alpha.tolist()})
             if r < rounds - 1:
                 usable = np.where([p.at_end for p in profiles], 0.0, rho)
-                lights, error = refine_lights(
+                lights, _ = refine_lights(
                     lights, state.samples, state.weight, state.residual, state.position, state.rays,
                     state.gains, state.lamps, usable, alpha, state.chunks, near=near and r > 0,
                 )  # fmt: skip
@@ -272,7 +248,8 @@ def _judge(fitted: Profile, evidence: Evidence, noise: float, texels: int) -> Ma
     reason = verdict(fitted.rho_s, fitted.at_end, evidence, width)
     observed = not reason
     return Material(
-        fitted.rho_s if observed else np.nan, fitted.alpha if observed else np.nan, observed, reason,
+        fitted.rho_s if observed else np.nan, fitted.alpha if observed else np.nan,
+        observed, reason,
         float(evidence.z), width, float(evidence.explained),
         highlight_color(evidence) if observed else (1.0, 1.0, 1.0), texels,
     )  # fmt: skip

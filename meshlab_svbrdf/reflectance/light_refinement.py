@@ -1,6 +1,7 @@
 """Gauss-Newton on the lights: two tangent angles, ln gain and κ each, texel-centred (method 9).
 
-Every texel's D_i is eliminated by centring, so that only what varies along a texel's samples counts.
+Every texel's D_i is eliminated by centring, so that only what varies among a texel's samples
+counts.
 """
 
 from __future__ import annotations
@@ -90,9 +91,9 @@ def _normal_equations(
 
 
 def refine_lights(
-    lights: list[Light], samples: FitSamples, weight: np.ndarray, residual: np.ndarray, position: np.ndarray,
-    rays: np.ndarray, gains: np.ndarray, lamps: Lamps, rho: np.ndarray, alpha: np.ndarray, chunks,
-    *, near: bool, damping: float = 0.01, step: float = 0.05,
+    lights: list[Light], samples: FitSamples, weight: np.ndarray, residual: np.ndarray,
+    position: np.ndarray, rays: np.ndarray, gains: np.ndarray, lamps: Lamps, rho: np.ndarray,
+    alpha: np.ndarray, chunks, *, near: bool, damping: float = 0.01, step: float = 0.05,
 ) -> tuple[list[Light], np.ndarray]:  # fmt: skip
     """One Gauss-Newton step on all lights.
 
@@ -114,8 +115,8 @@ def refine_lights(
     def work(first, stop):
         matrix, vector = np.zeros((size, size)), np.zeros(size)
         _normal_equations(
-            first, stop, samples.offsets, samples.material, samples.mirror, weight, residual, position,
-            rays, gains, lamps, frames, rho, alpha, matrix, vector,
+            first, stop, samples.offsets, samples.material, samples.mirror, weight, residual,
+            position, rays, gains, lamps, frames, rho, alpha, matrix, vector,
         )  # fmt: skip
         return matrix, vector
 

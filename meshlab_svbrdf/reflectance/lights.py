@@ -10,7 +10,6 @@ from skimage.measure import label
 from .directions import directions, solid_angles
 from .environment import EnvironmentMap
 
-
 LEAST_RESULTANT = 0.1
 """|mean direction| of a blob below which it comes from all around and is no light."""
 
@@ -94,7 +93,7 @@ def _connect(mask: np.ndarray, diagonal: bool = True) -> np.ndarray:
 
 
 def _blob_lights(ids: np.ndarray, energy: np.ndarray) -> list[Light]:
-    """A light for each component of a map, but where its directions cancel: an even sky has none."""
+    """A light for each component of a map unless its directions cancel: an even sky has none."""
     rays, pixel = directions(len(ids)), np.pi / len(ids)
     blobs = [(rays[ids == k], energy[ids == k]) for k in np.unique(ids) if k]
     return [

@@ -1,7 +1,7 @@
 """Phong lobes under near lights: what a texel should show of each light (paper eq. 1, method 9).
 
-A light k stands towards d_k as seen from the object's centre c, at the distance 1/κ_k radii. At x it
-is seen along L = d − κ (x − c)/radius, l = L/|L|, with the gain g/|L|².
+A light k stands towards d_k as seen from the object's centre c, at the distance 1/κ_k radii. At x
+it is seen along L = d − κ (x − c)/radius, l = L/|L|, with the gain g/|L|².
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ def lamps(lights: list[Light], radius: float) -> Lamps:
 
 @njit(cache=True, nogil=True)
 def light_texel(view, t, lamps, coefficients, rays, gains):
-    """Fill rays (K, 3) with l_k at texel t and gains (K,) with g_k V_k /|L|²; 0 below the horizon."""
+    """Fill rays (K, 3) with l_k at texel t, gains (K,) with g_k V_k /|L|²; 0 below the horizon."""
     has = fill_visibility(view, t, coefficients)
     for k in range(len(lamps.gain)):
         s = lamps.curvature[k] / lamps.radius

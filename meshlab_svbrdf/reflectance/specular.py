@@ -60,7 +60,7 @@ def shapes(lights: list[Light]) -> Shapes:
 
 @njit(cache=True, nogil=True)
 def mahalanobis2(x, y, z, k, shapes):
-    """Squared Mahalanobis distance of a direction from light k, in its tangent plane; inf behind it."""
+    """Squared Mahalanobis distance of a direction from light k in its tangent plane, or inf."""
     cos = x * shapes.direction[k, 0] + y * shapes.direction[k, 1] + z * shapes.direction[k, 2]
     if cos <= 0.1:
         return np.inf
@@ -96,7 +96,7 @@ def solve_peak(excess_max, excess_min, d2_max, d2_min, variance):
 
 @njit(cache=True, nogil=True)
 def _judge_run(block, view, t, run, n, d, shapes, least_of_peak, farthest_point, nearer_than):
-    """ρs, α, d²_max and light of one peak, whose samples are run[:n]; α NaN where it does not tell."""
+    """ρs, α, d²_max and light of one peak, whose samples are run[:n]; α NaN if it does not tell."""
     nothing = (np.nan, np.nan, np.inf, -1)
     # Take the highest sample that is not clipped, and its nearest light
     top, high = -1, 0.0
