@@ -45,6 +45,9 @@ class Estimator(StrEnum):
 
 
 CHAINS = {Estimator.joint: "svbrdf.mlx", Estimator.paper: "svbrdf_paper.mlx"}
+TEXTURE_SIZE = ("compute_svbrdf_texels", "texture_size")
+MATERIALS = ("compute_svbrdf_materials", "image")
+RENDERING = "generate_svbrdf_rendering"
 
 Project = Annotated[
     Path, typer.Argument(help="A MeshLab project, .mlp or .mlb.", show_default=False)
@@ -96,9 +99,9 @@ def run(
         chain = files("meshlab_svbrdf.filters") / CHAINS[estimator or Estimator.joint]
         steps = read_script(script or Path(str(chain)))
         if texture_size is not None:
-            steps = _with(steps, "compute_svbrdf_texels", "texture_size", str(texture_size))
+            steps = _with(steps, *TEXTURE_SIZE, str(texture_size))
         if materials is not None:
-            steps = _with(steps, "compute_svbrdf_materials", "image", str(materials.absolute()))
+            steps = _with(steps, *MATERIALS, str(materials.absolute()))
         check_script(steps)
         document = _open(project, output, layer)
         document.hold_out(hold_out)

@@ -10,6 +10,7 @@ from typer.testing import CliRunner
 from meshlab_svbrdf import cli
 from meshlab_svbrdf.document.document import Document
 from meshlab_svbrdf.document.record import ResultFolder
+from meshlab_svbrdf.filter import Filter, Parameter
 
 pytestmark = pytest.mark.usefixtures("demos")
 
@@ -162,6 +163,21 @@ def test_info_tells_what_is_there_and_what_is_older(small_project, tmp_path, cha
     states = {name: product["state"] for name, product in told["products"].items()}
     assert states == {"texels": "up to date", "shade": "older than the texels"}
     assert "result   shade: shaded (older than the texels)" in shell("info", project).stdout
+
+
+def test_rendering_is_a_filter_given_cameras_and_a_folder(small_project, tmp_path, demos):
+    got = []
+    parameters = (Parameter("cameras", "path", ""), Parameter("folder", "path", ""))
+    demos[cli.RENDERING] = Filter(
+        cli.RENDERING,
+        "Render",
+        parameters=parameters,
+        apply=lambda document, parameters, progress: got.append(parameters) or "3 views",
+    )
+    result = shell("render", small_project, "--cameras", small_project, "-o", tmp_path / "views")
+    assert result.exit_code == 0, result.output
+    assert "3 views" in result.stdout
+    assert vars(got[0]) == {"cameras": small_project, "folder": tmp_path / "views"}
 
 
 def test_two_runs_on_one_output_do_not_mix(small_project, tmp_path, chain):

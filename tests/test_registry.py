@@ -5,7 +5,7 @@ from importlib.resources import files
 
 import pytest
 
-from meshlab_svbrdf import registry
+from meshlab_svbrdf import cli, registry
 from meshlab_svbrdf.errors import SvbrdfError
 from meshlab_svbrdf.filter import INPUTS, Filter
 from meshlab_svbrdf.script import check_script, read_script
@@ -41,6 +41,17 @@ def test_the_chains_run_what_each_filter_needs_before_it(chain):
         filter = registry.get(step.name)
         assert set(filter.needs) <= made, step.name
         made |= set(filter.writes)
+
+
+def test_what_the_shell_sets_exists():
+    wanted = (
+        cli.TEXTURE_SIZE,
+        cli.MATERIALS,
+        (cli.RENDERING, "cameras"),
+        (cli.RENDERING, "folder"),
+    )
+    for name, parameter in wanted:
+        assert parameter in [p.name for p in registry.get(name).parameters]
 
 
 def test_a_wrong_name_is_told_with_what_is_near(demos):
