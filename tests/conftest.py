@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import settings
 
 from meshlab_svbrdf import registry
 from meshlab_svbrdf.document.images import write_png
@@ -16,6 +17,9 @@ from meshlab_svbrdf.filter import Filter, Parameter
 from meshlab_svbrdf.geometry.camera import Camera
 from meshlab_svbrdf.geometry.mesh import Mesh
 from meshlab_svbrdf.geometry.texels import rasterise_texels
+
+settings.register_profile("svbrdf", deadline=None, derandomize=True)  # seeded, none timed
+settings.load_profile("svbrdf")
 
 FRAMES = 9
 

@@ -134,7 +134,7 @@ def read_project(path: str | Path) -> Project:
                 f"{path}: {count} rasters are labelled {label!r}; rename all but one"
             )
     _check_masks(path, rasters)
-    _check_files(path, meshes, rasters)
+    _check_meshes(path, meshes)
     return Project(path, meshes, rasters, root)
 
 
@@ -176,13 +176,11 @@ def _check_masks(project: Path, rasters: list[RasterEntry]) -> None:
             )
 
 
-def _check_files(project: Path, meshes: list[MeshEntry], rasters: list[RasterEntry]) -> None:
-    wanted = [(f"layer {mesh.label!r}", mesh.path) for mesh in meshes]
-    wanted += [(f"raster {raster.label!r}", raster.path) for raster in rasters]
-    wanted += [(f"mask of raster {r.label!r}", r.mask) for r in rasters if r.mask is not None]
-    missing = [f"{what}: {file}" for what, file in wanted if not file.is_file()]
+def _check_meshes(project: Path, meshes: list[MeshEntry]) -> None:
+    """Meshes must be there. Frames need not: what reads them says which are missing."""
+    missing = [f"layer {mesh.label!r}: {mesh.path}" for mesh in meshes if not mesh.path.is_file()]
     if missing:
         raise DocumentError(
-            f"{project}: {len(missing)} of its files do not exist; put them back or remove the "
-            "entries:\n  " + "\n  ".join(missing[:5]) + ("\n  …" if len(missing) > 5 else "")
+            f"{project}: {len(missing)} of its meshes do not exist; put them back or remove the "
+            "layers:\n  " + "\n  ".join(missing[:5]) + ("\n  …" if len(missing) > 5 else "")
         )
