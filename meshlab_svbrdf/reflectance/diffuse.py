@@ -66,7 +66,7 @@ def cone_average(probability: np.ndarray, cone: float, kernel: str = "angle") ->
 @njit(cache=True, nogil=True)
 def specular_weight(y, b, threshold, minimum):
     """Eq. 3 and 5, guarded: s = b^(w²) / w in [0, 1], w = (t − min) / (Y − min) in [¼, 4]."""
-    if y <= minimum or b <= 0:
+    if not (y > minimum and b > 0):
         return 0.0
     w = (threshold - minimum) / (y - minimum) if threshold - minimum >= 1e-6 else 1.0
     w = min(max(w, 0.25), 4.0)

@@ -22,7 +22,7 @@ def points_before(camera, rng, count=50):
     return (inside - camera.t) @ camera.R
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.integers(0, 2**32 - 1))
 def test_projects_like_opencv(seed):
     rng = np.random.default_rng(seed)

@@ -52,7 +52,7 @@ def test_centroid_of_a_symmetric_blob_is_its_centre(direction):
     assert angle(light.direction, unit(direction)) < 0.25
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(UNIT)
 def test_centroid_anywhere_is_within_a_quarter_of_a_pixel(direction):
     (light,) = lights_by_peaks(world(gauss(direction)))
@@ -215,7 +215,7 @@ def test_light_from_everywhere_has_no_made_up_direction():
     assert lights_by_peaks(world(np.full((H, 2 * H), 7.0))) == []
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(st.integers(0, 99), st.sampled_from([1, 2, 16, 64, 500]))
 def test_median_cut_is_a_partition(seed, count):
     rng = np.random.default_rng(seed)

@@ -51,7 +51,7 @@ def test_is_numpys_mean_and_mean_deviation(tmp_path, samples):
     assert 0 < s.observed.sum() < T
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(hnp.arrays(np.uint8, (6, 11)))
 def test_bounds_the_median_of_any_samples(tmp_path_factory, values):
     codes = np.repeat(values[..., None], 3, -1)

@@ -42,7 +42,7 @@ def write(folder, texels, frames, **kw):
     return write_store(folder, texels, len(frames), lambda f: frames[f], **kw)
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(
     texels=st.integers(1, 20), frames=st.integers(0, 12), share=st.floats(0, 1),
     seed=st.integers(0, 99), memory=st.sampled_from([0, 100, 1 << 20]), data=st.data(),
