@@ -25,11 +25,12 @@ def set_texture(document: Document, name: str, texels: Texels, colors: np.ndarra
 def set_diffuse_maps(document: Document, texels: Texels, diffuse: np.ndarray) -> None:
     """diffuse.exr and .png, and valid.png, of D (T, 3) in 0..100; unobserved is grey in the PNG."""
     linear = (diffuse / 100).astype(np.float32)
-    observed = np.isfinite(linear).all(axis=1)
+    observed = np.asarray(np.isfinite(linear).all(axis=1))
     document.set_map("diffuse", texels.to_images(linear))
     colors = np.where(observed[:, None], to_srgb8(linear), np.uint8(UNOBSERVED_GREY))
     set_texture(document, "diffuse", texels, colors)
-    document.set_map("valid", texels.to_images((observed * np.uint8(255)), np.uint8(0)), kind="png")
+    valid = np.where(observed, np.uint8(255), np.uint8(0))
+    document.set_map("valid", texels.to_images(valid, np.uint8(0)), kind="png")
 
 
 def set_scalar_map(

@@ -64,6 +64,7 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
     if mesh.uv is None:
         progress(0.1, "cutting the surface into charts")
         mesh = parametrise(mesh, size)
+        assert mesh.uv is not None
         document.set_uv(mesh.uv)
         said.append("parametrised, for the mesh has no texture coordinates")
     count = 1 if mesh.texture_index is None else max(1, int(mesh.texture_index.max()) + 1)

@@ -72,6 +72,7 @@ class Surface:
 
     def at(self, face: np.ndarray, barycentric: np.ndarray) -> tuple[np.ndarray, ...]:
         """Positions, unit normals, where shadow rays start, and albedos; (N, 3) each."""
+        assert self.mesh.uv is not None
         weights = barycentric[..., None]
         corners, normals = self.corners[face], self.normals[face]
         position = (weights * corners).sum(1)

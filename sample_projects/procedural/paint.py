@@ -27,12 +27,13 @@ class Atlas:
     @classmethod
     def of(cls, mesh: Mesh, size: int, shift: tuple[float, float] = (0.5, 0.5)) -> Atlas:
         """Shoot a ray through the UV plane at every texel (`shift`: where inside the texel)."""
+        assert mesh.uv is not None
         scene = EmbreeScene()
         flat = np.concatenate([mesh.uv, np.zeros((*mesh.uv.shape[:2], 1))], axis=-1)
         TriangleMesh(scene, flat.astype(np.float32))
         row, col = np.mgrid[0:size, 0:size].reshape(2, -1)
         origin = np.stack([(col + shift[0]) / size, 1 - (row + shift[1]) / size, 1 + 0 * col], -1)
-        down = np.broadcast_to(np.float32([0, 0, -1]), origin.shape)
+        down = np.broadcast_to(np.array([0, 0, -1], np.float32), origin.shape)
         found = scene.run(origin.astype(np.float32), np.ascontiguousarray(down), output=True)
         u, v = found["u"].astype(np.float64), found["v"].astype(np.float64)
         barycentric = np.stack([1 - u - v, u, v], -1)

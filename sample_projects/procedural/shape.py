@@ -164,7 +164,9 @@ def totem(columns: int, gutter: float) -> tuple[Mesh, np.ndarray, np.ndarray]:
     for k, n in enumerate(rows):
         width = columns if k < len(TURNED) else around
         grid, place = _grid(n, width, first, inset[k])
-        faces.append(grid), uv.append(place), part.append(np.full(len(grid), k))
+        faces.append(grid)
+        uv.append(place)
+        part.append(np.full(len(grid), k))
         # A turned part's last ring is the next part's first
         first += (n if k < len(TURNED) - 1 else n + 1) * width
 
