@@ -112,26 +112,34 @@ def choose_texels(
     material: np.ndarray,
     counts: np.ndarray,
     turn: np.ndarray,
-    limit: float,
+    limits: np.ndarray,
     samples: int,
     offset: int = 0,
-) -> np.ndarray:
+) -> tuple[np.ndarray, list[int]]:
     """Evenly spaced texels of every material, the flat ones only.
 
     Parameters
     ----------
-    material : (T,) int32, -1 for none; counts : (T,) samples per texel
-    turn : (T,) radians per radius
-    limit : largest turn; where less than 5 % of a material has it, its flattest 5 % are taken
+    material : (T,) int32, -1 for none; counts : (T,) samples per texel; turn : (T,) radians per
+        radius
+    limits : (M,) largest turn; where less than 5 % of a material has it, its flattest 5 % are taken
     samples : about how many samples to choose altogether; the materials share them evenly
     offset : another one chooses other texels (for samples held out of the fit)
+
+    Returns
+    -------
+    texels : (n,) ascending
+    lacking : the materials of which less than 5 % are flat enough
     """
     usable = counts >= 16
-    chosen = []
+    chosen, lacking = [np.zeros(0, np.int64)], []
     ids = np.unique(material[usable & (material >= 0)])
     for m in ids:
         own = np.flatnonzero(usable & (material == m))
-        own = own[turn[own] <= max(limit, np.quantile(turn[own], 0.05))]
+        flattest = np.quantile(turn[own], 0.05)
+        if flattest > limits[m]:
+            lacking.append(int(m))
+        own = own[turn[own] <= max(limits[m], flattest)]
         stride = max(2, int(np.ceil(counts[own].sum() * len(ids) / samples)))
         chosen.append(own[offset % stride :: stride])
-    return np.sort(np.concatenate(chosen)) if chosen else np.zeros(0, np.int64)
+    return np.sort(np.concatenate(chosen)), lacking

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numba import njit
@@ -22,6 +22,13 @@ from .fit_samples import FitSamples, choose_texels, collect
 from .light_refinement import refine_lights
 from .lights import Light
 from .phong import Lamps, lamps, light_texels, lobe
+
+FIRST_ALPHA = 100.0
+"""Shininess that texels are flat enough for at least; the first rounds know no better."""
+FARTHEST = 0.01
+"""κ below which a light is far: it stands a hundred radii away."""
+WEAKEST = 0.05
+"""Of the strongest gain, below which a light is none."""
 
 
 @dataclass(frozen=True)
@@ -192,42 +199,51 @@ def fit(
     count = int(material.max(initial=-1)) + 1
     notes: list[str] = []
     history: list[dict] = []
+    found = lights
     if not lights or count == 0:
         why = "no light was found" if not lights else "there is no material"
         return JointFit([], [Material(np.nan, np.nan, False, why)] * count, [], [why])
     counts = observations.store.counts()
+    rho, alpha = np.zeros(count), np.full(count, FIRST_ALPHA)
 
-    def limit(alpha: float) -> float:
-        return curvature / np.sqrt(alpha) / (2 * footprint) if curvature > 0 else np.inf
+    def gather(pool: ThreadPoolExecutor, budget: int, offset: int = 0) -> _State:
+        shiny = np.sqrt(np.maximum(alpha, FIRST_ALPHA))
+        limits = curvature / shiny / (2 * footprint) if curvature > 0 else shiny + np.inf
+        chosen, lacking = choose_texels(material, counts, turn, limits, budget, offset)
+        if lacking:
+            notes[:] = [f"materials {lacking}: hardly any of the surface is flat enough to tell"]
+        return _State(observations, collect(observations, chosen, material[chosen]), count, pool)
 
     with ThreadPoolExecutor(thread_count()) as pool:
-        chosen = choose_texels(material, counts, turn, limit(100.0), samples)
-        state = _State(observations, collect(observations, chosen, material[chosen]), count, pool)
-        profiles: list[Profile] = []
+        state = gather(pool, samples)
+        free = np.full(len(lights), near)
         for r in range(rounds):
-            # Find ρs and α of every material under the present lights
             state.light(lamps(lights, observations.texels.radius))
+            if r == 2:
+                # Choose the texels anew, now that it is known how flat they must be
+                state = gather(pool, samples)
+                state.light(lamps(lights, observations.texels.radius))
+                state.predict(rho, alpha)
+                state.reweigh(censoring)
+            # Find ρs and α of every material under the present lights
             profiles = state.profiles()
-            rho, alpha = (
-                np.array([p.rho_s for p in profiles]),
-                np.array([p.alpha for p in profiles]),
-            )
+            rho = np.array([p.rho_s for p in profiles])
+            alpha = np.array([p.alpha for p in profiles])
             # Weigh the samples by their residuals, then move the lights
             state.predict(rho, alpha)
             state.reweigh(use_clipped=censoring and r > 0)
             history.append({"rho_s": rho.tolist(), "alpha": alpha.tolist()})
             if r < rounds - 1:
                 usable = np.where([p.at_end for p in profiles], 0.0, rho)
-                lights, _ = refine_lights(
+                lights, error = refine_lights(
                     lights, state.samples, state.weight, state.residual, state.position, state.rays,
-                    state.gains, state.lamps, usable, alpha, state.chunks, near=near and r > 0,
+                    state.gains, state.lamps, usable, alpha, state.chunks, near=free & (r > 0),
                 )  # fmt: skip
+            if r == rounds - 3:
+                lights, free = _settle(lights, free, error, notes)
             progress(r + 1, rounds)
         # Judge by texels that the fit has not used whether it explains anything
-        held = np.setdiff1d(
-            choose_texels(material, counts, turn, limit(100.0), samples // 4, offset=1), chosen
-        )
-        test = _State(observations, collect(observations, held, material[held]), count, pool)
+        test = gather(pool, samples // 4, offset=1)
         test.light(state.lamps)
         test.predict(rho, alpha)
         noise = _huber_scale(state.samples, state.residual, state.weight, count) / 1.68 * 1.48
@@ -238,7 +254,26 @@ def fit(
         _judge(p, e, s, int((material == m).sum()))
         for m, (p, e, s) in enumerate(zip(profiles, evidence, noise, strict=True))
     ]
+    if not any(m.observed for m in materials):
+        notes.append("no gloss is observed: the lights stay as they were found")
+        lights = found
     return JointFit(lights, materials, history, notes)
+
+
+def _settle(
+    lights: list[Light], free: np.ndarray, error: np.ndarray, notes: list[str]
+) -> tuple[list[Light], np.ndarray]:
+    """Drop lights that turned out to be none; let those be far whose distance does not show."""
+    strongest = max(light.gain for light in lights)
+    kept = [k for k, light in enumerate(lights) if light.gain >= WEAKEST * strongest]
+    if len(kept) < len(lights):
+        notes.append(f"{len(lights) - len(kept)} lights dropped: no highlight is theirs")
+    near = np.array([lights[k].curvature >= max(FARTHEST, 2 * error[k]) for k in kept])
+    settled = [
+        lights[k] if n else replace(lights[k], curvature=0.0)
+        for k, n in zip(kept, near, strict=True)
+    ]
+    return settled, free[kept] & near
 
 
 def _judge(fitted: Profile, evidence: Evidence, noise: float, texels: int) -> Material:

@@ -93,7 +93,7 @@ def _normal_equations(
 def refine_lights(
     lights: list[Light], samples: FitSamples, weight: np.ndarray, residual: np.ndarray,
     position: np.ndarray, rays: np.ndarray, gains: np.ndarray, lamps: Lamps, rho: np.ndarray,
-    alpha: np.ndarray, chunks, *, near: bool, damping: float = 0.01, step: float = 0.05,
+    alpha: np.ndarray, chunks, *, near: np.ndarray, damping: float = 0.01, step: float = 0.05,
 ) -> tuple[list[Light], np.ndarray]:  # fmt: skip
     """One Gauss-Newton step on all lights.
 
@@ -101,7 +101,7 @@ def refine_lights(
     ----------
     residual : (N,) float32, Y − D − S; position : (n, 3) float32 of the texels, about the centre
     rho, alpha : (M,) of the materials, ρ 0 where a material is to be left out
-    near : κ is free
+    near : (K,) bool, whose κ is free
     step : largest step of an angle and of κ, radians
 
     Returns
