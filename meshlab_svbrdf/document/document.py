@@ -237,7 +237,12 @@ class Document(Products):
         return self._freshness().stale(product)
 
     def _freshness(self) -> Freshness:
-        return Freshness(self.results, self._given_digest, lambda: raster_digest(self.rasters))
+        return Freshness(
+            self.results,
+            self._given_digest,
+            lambda: raster_digest(self.rasters),
+            lambda: all(raster.path.is_file() for raster in self.rasters),
+        )
 
     # Saving
 
@@ -285,7 +290,8 @@ def place(path: Path, output: str | Path | None) -> Path:
 def raster_digest(rasters: list[RasterEntry]) -> str:
     """SHA-256 of cameras, exposures, sequences and of the files' names, sizes and dates.
 
-    A sequence counts by its members: its name, a folder's, depends on where the project lies.
+    A sequence counts by its members: its name, a folder's, depends on where the project lies. Files
+    that are missing count as such.
     """
     if not rasters:
         raise DocumentError("the project has no rasters: add registered frames in MeshLab")

@@ -22,18 +22,29 @@ from .record import ResultFolder, digest
 
 
 class Freshness:
-    """The state of a document at one moment; mesh and rasters are digested at most once."""
+    """The state of a document at one moment; mesh and rasters are digested at most once.
+
+    frames_there : whether the frames are; where they went, after the results were made from them,
+        results do not grow stale by that
+    """
 
     def __init__(
-        self, results: ResultFolder, mesh: Callable[[], str], rasters: Callable[[], str]
+        self,
+        results: ResultFolder,
+        mesh: Callable[[], str],
+        rasters: Callable[[], str],
+        frames_there: Callable[[], bool],
     ) -> None:
         self._results = results
         self._products: dict[str, Any] = results.record["products"]
+        self._frames_there = cache(frames_there)
         self._inputs = {"mesh": cache(mesh), "rasters": cache(rasters)}
 
     def stale(self, product: str) -> str:
         """Which input of `product` is not what it was, or "" where all are."""
         for name, key in self._products[product]["inputs"].items():
+            if name == "rasters" and not self._frames_there():
+                continue
             if name in INPUTS:
                 if self._inputs[name]() != key:
                     return name

@@ -244,6 +244,16 @@ def test_overwriting_what_a_later_stage_has_refined_makes_that_stage_stale(shade
     assert shaded.json("lights") == {"value": 2}
 
 
+def test_results_do_not_grow_stale_when_their_frames_are_gone(shaded):
+    path = shaded.save()
+    for raster in shaded.rasters:
+        raster.path.unlink()
+    document = Document.open(path)
+    assert document.stale("shade") == ""
+    assert ran(document, EDIT) == [True]
+    assert ran(document, SHADE) == [True]
+
+
 # Whole or not at all
 
 
