@@ -89,7 +89,9 @@ class Document(Products):
         return self.results.record["settings"]
 
     def set(self, **settings: Any) -> None:
-        """Change settings, and record them."""
+        """Change settings, and record them; not while a filter runs."""
+        if self._writing is not None:
+            raise RuntimeError("settings are the user's: a filter cannot change them")
         with self.results.locked():
             record = self.results.record
             self.results.commit(record | {"settings": record["settings"] | settings})

@@ -313,6 +313,14 @@ def test_results_are_set_by_filters_that_declare_them(shaded):
         shaded.set_attribute("height", np.zeros(3))
 
 
+def test_a_filter_cannot_change_what_the_user_chose(document):
+    with pytest.raises(RuntimeError, match="settings are the user's"), document.write("p"):
+        document.set_json("x", {})
+        document.hold_out()
+    assert not document.has_json("x")
+    assert document.held_out == []
+
+
 def test_json_holds_numpy_and_says_null_for_what_is_no_number(document):
     value = {
         "a": np.float32(0.5),
