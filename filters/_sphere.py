@@ -14,7 +14,7 @@ from meshlab_svbrdf.reflectance.lights import Light
 from meshlab_svbrdf.samples.luminance import to_srgb8
 
 _COLUMNS, _ROWS = 64, 32
-_SCALE = 2.0  # radii of the object
+_SCALE = 1.25  # radii of the object: MeshLab fits its view to hidden layers too
 
 
 def _sphere() -> Mesh:

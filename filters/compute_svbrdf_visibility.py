@@ -34,8 +34,8 @@ FILTER = Filter(
     ),
     help="Shoots rays from every vertex and keeps, per vertex, the visibility of the upper "
     "hemisphere as 36 coefficients of real spherical harmonics. The layer `map: visibility` shows "
-    "the share of its hemisphere that a vertex sees as Quality and holds the coefficients as "
-    "attributes.",
+    "the share of its hemisphere that a vertex sees as Quality and grey, and holds the "
+    "coefficients as attributes.",
     reference="Palma et al. 2012, §3.1",
 )  # fmt: skip
 
@@ -62,11 +62,12 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
     layer = document.object_layer()
     content = layer.read()
     openness = coefficients[:, 0] * np.sqrt(4 * np.pi) / (2 * np.pi)
+    grey = np.rint(255 * openness.clip(0, 1)).astype(np.uint8)
     shown = MeshFile(
         mesh=replace(content.mesh, uv=None, texture_index=None),
         textures=(),
         vertex_attributes={f"svbrdf_visibility_{k}": c for k, c in enumerate(coefficients.T)},
-        vertex_color=None,
+        vertex_color=np.stack([grey, grey, grey, np.full_like(grey, 255)], axis=1),
         quality=openness.astype(np.float32),
     )
     document.set_layer(Layer("map: visibility", None, layer.matrix, False, shown))

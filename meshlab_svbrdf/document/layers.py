@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 OURS = ("texels", "environment", "materials")
 MAP = "map: "
+UNOBSERVED = -1.0  # as Quality: MeshLab's colour ramps and histograms crash on NaN
 MAX_NAME = 100  # MeshLab's function filters fail on longer attribute names
 
 
@@ -104,7 +105,7 @@ def texels_content(
 
     attributes : (T,) or (T, k) by name
     images : uint8 (h, w, 3) per texture, the points' colours
-    quality : the attribute that MeshLab shows as Quality
+    quality : the attribute that MeshLab shows as Quality; UNOBSERVED where it is NaN
     """
     properties: dict[str, np.ndarray] = {}
     for name, values in attributes.items():
@@ -115,11 +116,14 @@ def texels_content(
         for index, image in enumerate(images):
             here = texels.texture == index
             color[here, :3] = image[texels.row[here], texels.col[here], :3]
+    shown = properties.get(f"svbrdf_{quality}")
+    if shown is not None:
+        shown = np.where(np.isfinite(shown), shown, np.float32(UNOBSERVED))
     return MeshFile(
         mesh=Mesh(texels.position.astype(np.float64), np.zeros((0, 3), np.int32), texels.normal),
         vertex_attributes=properties,
         vertex_color=color,
-        quality=properties.get(f"svbrdf_{quality}"),
+        quality=shown,
     )
 
 
