@@ -42,6 +42,8 @@ def _eliminate(first, stop, offsets, material, y, w, mirror, rays, gains, sums):
     count = sums.shape[2]
     phi, sp, spy, spp = np.empty(count), np.empty(count), np.empty(count), np.empty(count)
     for i in range(first, stop):
+        if offsets[i] == offsets[i + 1]:
+            continue
         sw, sy, syy, most = 0.0, 0.0, 0.0, 0
         sp[:], spy[:], spp[:] = 0.0, 0.0, 0.0
         origin = y[offsets[i]]
@@ -109,11 +111,9 @@ def profile(sums: np.ndarray) -> Profile:
         shift = float(np.clip(0.5 * (left - right) / bend, -1, 1)) if bend > 0 else 0.0
     grid = np.arange(len(rss))
     alpha = float(np.exp(np.interp(best + shift, grid, np.log(ALPHAS))))
-    with np.errstate(divide="ignore"):
-        log_rho = np.log(np.maximum(rho, 1e-12))
-    return Profile(
-        float(np.exp(np.interp(best + shift, grid, log_rho))), alpha, rss, float(t[0]), at_end
-    )
+    log_rho = np.log(np.maximum(rho, 1e-12))
+    rho_s = float(np.exp(np.interp(best + shift, grid, log_rho))) if rho[best] > 0 else 0.0
+    return Profile(rho_s, alpha, rss, float(t[0]), at_end)
 
 
 def eliminate(
