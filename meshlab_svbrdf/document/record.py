@@ -12,7 +12,6 @@ svbrdf.json:
 
 from __future__ import annotations
 
-import fcntl
 import hashlib
 import json
 import os
@@ -21,6 +20,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+
+from filelock import FileLock, Timeout
 
 from ..errors import DocumentError, SvbrdfError
 
@@ -54,7 +55,7 @@ class ResultFolder:
     def __init__(self, path: Path) -> None:
         self.path = path
         self.record = empty_record()
-        self._lock: int | None = None
+        self._lock: FileLock | None = None
         self.refresh()
 
     @property
@@ -124,22 +125,22 @@ class ResultFolder:
             yield
             return
         self.path.mkdir(parents=True, exist_ok=True)
-        lock = os.open(self.path / ".lock", os.O_RDWR | os.O_CREAT, 0o666)
+        lock = FileLock(self.path / ".lock", timeout=0)
         try:
-            try:
-                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
-                raise BusyError(
-                    f"{self.path} is being worked on by another run: wait for its end, "
-                    "or give this one an output of its own"
-                ) from None
+            lock.acquire()
+        except Timeout:
+            raise BusyError(
+                f"{self.path} is being worked on by another run: wait for its end, "
+                "or give this one an output of its own"
+            ) from None
+        try:
             self._lock = lock
             self._recover()
             self._read()
             yield
         finally:
             self._lock = None
-            os.close(lock)
+            lock.release()
 
     def _recover(self) -> None:
         if self._committed.is_dir():
