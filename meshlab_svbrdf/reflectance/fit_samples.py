@@ -45,13 +45,9 @@ class FitSamples:
 @njit(cache=True, nogil=True)
 def is_clipped(block, view, j):
     """Any tap of sample j was clipped, or its luminance before dividing by exposure is above 98."""
-    f = block.frame[j]
-    own = (
-        sample_luminance(block, view, j)
-        * 100.0
-        / max(view.scale[f, 0], view.scale[f, 1], view.scale[f, 2])
-    )
-    return block.quality[j] >= 128 or own > SATURATED
+    red, green, blue = block.rgb[j, 0], block.rgb[j, 1], block.rgb[j, 2]
+    own = 0.2126 * view.linear[red] + 0.7152 * view.linear[green] + 0.0722 * view.linear[blue]
+    return block.quality[j] >= 128 or 100.0 * own > SATURATED
 
 
 @njit(cache=True, nogil=True)

@@ -102,7 +102,8 @@ def refine_lights(
     residual : (N,) float32, Y − D − S; position : (n, 3) float32 of the texels, about the centre
     rho, alpha : (M,) of the materials, ρ 0 where a material is to be left out
     near : (K,) bool, whose κ is free
-    step : largest step of an angle and of κ, radians
+    step : largest step of a direction, radians; κ takes three of them, so that a lamp at two radii
+        is reached within the rounds
 
     Returns
     -------
@@ -142,8 +143,10 @@ def refine_lights(
             replace(
                 light,
                 direction=direction / np.linalg.norm(direction),
-                gain=light.gain * float(np.exp(np.clip(gain[0], -0.5, 0.5))),
-                curvature=float(np.clip(light.curvature + np.clip(kappa[0], -step, step), 0, 0.5)),
+                gain=light.gain * float(np.exp(np.clip(gain[0], -1, 1))),
+                curvature=float(
+                    np.clip(light.curvature + np.clip(kappa[0], -3 * step, 3 * step), 0, 0.5)
+                ),
             )
         )
     mean = np.exp(np.mean(np.log([light.gain for light in moved])))
