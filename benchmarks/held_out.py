@@ -31,7 +31,9 @@ def fitted(rendered: np.ndarray, truth: np.ndarray) -> np.ndarray:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+    )
     parser.add_argument("project", help="a result whose run had --hold-out")
     document = Document.open(parser.parse_args().project)
     if not document.held_out:
@@ -40,7 +42,10 @@ def main() -> None:
 
     def textured(attribute: str) -> list[Appearance]:
         images = texels.to_images((document.attribute(attribute) / 100).astype(np.float32))
-        return [replace(look, diffuse=image, rho_s=np.full_like(look.rho_s, np.nan)) for look, image in zip(looks, images, strict=True)]
+        return [
+            replace(look, diffuse=image, rho_s=np.full_like(look.rho_s, np.nan))
+            for look, image in zip(looks, images, strict=True)
+        ]
 
     mesh = document.mesh()
     methods = {
@@ -49,7 +54,14 @@ def main() -> None:
         "diffuse colour (final)": AcquisitionRenderer(mesh, textured("final_diffuse"), []),
         "diffuse and specular": AcquisitionRenderer(mesh, looks, read_lights(document)),
     }
-    valid = [replace(look, diffuse=np.repeat(np.isfinite(look.diffuse).all(-1)[..., None], 3, -1).astype(float), rho_s=np.full_like(look.rho_s, np.nan)) for look in looks]
+    valid = [
+        replace(
+            look,
+            diffuse=np.repeat(np.isfinite(look.diffuse).all(-1)[..., None], 3, -1).astype(float),
+            rho_s=np.full_like(look.rho_s, np.nan),
+        )
+        for look in looks
+    ]
     observed = AcquisitionRenderer(mesh, valid, [])
     scores: dict[str, list[float]] = {name: [] for name in methods}
     shares = []
