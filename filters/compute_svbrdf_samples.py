@@ -98,7 +98,8 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
     # Project them
     mesh, texels = document.mesh(), document.texels()
     cameras = [raster.camera for raster in rasters]
-    some = mesh.vertices[:: max(1, len(mesh.vertices) // 2000)]
+    points = max(50, min(2000, 1_000_000 // len(cameras)))
+    some = mesh.vertices[:: max(1, len(mesh.vertices) // points)]
     quality = Quality(
         parameters.border, 0.05, parameters.occlusion, max(parameters.minimum_quality, 1 / 127)
     )

@@ -12,7 +12,7 @@ import json
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -131,6 +131,22 @@ def _write_chunk(folder: Path, index: int, texels: int, held: Sequence[SampledFr
         np.save(folder / f"chunk{index:04d}.{name}.npy", column)
 
 
+class _Column:
+    """Rows of an array file. Neither mapped nor kept open: many frames make many files."""
+
+    def __init__(self, path: Path):
+        self.path = path
+        array = np.load(path, mmap_mode="r")
+        self.dtype, self.shape, self.start = array.dtype, array.shape[1:], array.offset
+        self.row = array.itemsize * int(np.prod(self.shape))
+
+    def read(self, first: int, stop: int) -> np.ndarray[Any, Any]:
+        """The rows first..stop."""
+        items = (stop - first) * self.row // self.dtype.itemsize
+        flat = np.fromfile(self.path, self.dtype, items, offset=self.start + first * self.row)
+        return flat.reshape(stop - first, *self.shape)
+
+
 class SampleStore:
     """Reads what `write_store` wrote; memory stays at a block, whatever the number of frames."""
 
@@ -143,11 +159,11 @@ class SampleStore:
         self._chunks = []
         first = 0
         for index, size in enumerate(description["chunks"]):
-            arrays = {
-                name: np.load(self.folder / f"chunk{index:04d}.{name}.npy", mmap_mode="r")
+            columns = {
+                name: _Column(self.folder / f"chunk{index:04d}.{name}.npy")
                 for name in ("offsets", *_COLUMNS)
             }
-            self._chunks.append((first, arrays))
+            self._chunks.append((first, columns))
             first += size
 
     def __len__(self) -> int:
@@ -157,13 +173,13 @@ class SampleStore:
     def counts(self) -> np.ndarray:
         """Samples per texel, (T,) int64."""
         total = np.zeros(self.texels, np.int64)
-        for _, arrays in self._chunks:
-            total += np.diff(arrays["offsets"].astype(np.int64))
+        for _, columns in self._chunks:
+            total += np.diff(columns["offsets"].read(0, self.texels + 1).astype(np.int64))
         return total
 
     def read(self, first: int, stop: int) -> Block:
         """The samples of the texels first..stop."""
-        spans = [arrays["offsets"][first : stop + 1] for _, arrays in self._chunks]
+        spans = [columns["offsets"].read(first, stop + 1) for _, columns in self._chunks]
         offsets = np.zeros(stop - first + 1, np.int64)
         for span in spans:
             offsets[1:] += np.diff(span.astype(np.int64))
@@ -171,11 +187,11 @@ class SampleStore:
         frame = np.empty(offsets[-1], np.int32)
         rgb, quality = np.empty((offsets[-1], 3), np.uint8), np.empty(offsets[-1], np.uint8)
         cursor = offsets[:-1].copy()
-        for (first_frame, arrays), span in zip(self._chunks, spans, strict=True):
+        for (first_frame, columns), span in zip(self._chunks, spans, strict=True):
             low, high = int(span[0]), int(span[-1])
-            frames, colors, weights = (np.asarray(arrays[name][low:high]) for name in _COLUMNS)
+            frames, colors, weights = (columns[name].read(low, high) for name in _COLUMNS)
             _gather(
-                np.asarray(span), low, frames, colors, weights, first_frame, cursor,
+                span, low, frames, colors, weights, first_frame, cursor,
                 frame, rgb, quality,
             )  # fmt: skip
         return Block(first, stop, offsets, frame, rgb, quality)

@@ -145,3 +145,15 @@ def test_progress_counts_frames_and_blocks(tmp_path):
     calls.clear()
     store.map(lambda b: None, lambda d, t: calls.append((d, t)))
     assert calls == [(1, 1)]
+
+
+def test_more_chunks_than_files_may_be_open(tmp_path):
+    history = random_frames(5, 100, 1.0)
+    resource = pytest.importorskip("resource", reason="limits of open files are Unix's")
+    before = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (256, before[1]))
+    try:
+        store = write(tmp_path, 5, history, memory=0)
+        assert rows_of(store.read(0, 5), 3) == brute_force(history, 3)
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, before)
