@@ -1,6 +1,6 @@
 """How an object reflects light, recovered from an ordinary video of it, as MeshLab filters.
 
-    from meshlab_svbrdf import MeshSet
+In Python start with `from meshlab_svbrdf import MeshSet`.
 """
 
 from __future__ import annotations
