@@ -7,7 +7,7 @@ one Gauss-Newton step on the lights.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
@@ -206,12 +206,19 @@ def fit(
     counts = observations.store.counts()
     rho, alpha = np.zeros(count), np.full(count, FIRST_ALPHA)
 
-    def gather(pool: ThreadPoolExecutor, budget: int, offset: int = 0) -> _State:
+    def gather(
+        pool: ThreadPoolExecutor,
+        budget: int,
+        offset: int = 0,
+        without: Sequence[int] | np.ndarray = (),
+    ) -> _State:
         shiny = np.sqrt(np.maximum(alpha, FIRST_ALPHA))
         limits = curvature / shiny / (2 * footprint) if curvature > 0 else shiny + np.inf
         chosen, lacking = choose_texels(material, counts, turn, limits, budget, offset)
-        if lacking:
-            notes[:] = [f"materials {lacking}: hardly any of the surface is flat enough to tell"]
+        note = f"materials {lacking}: hardly any of the surface is flat enough to tell"
+        if lacking and note not in notes:
+            notes.append(note)
+        chosen = np.setdiff1d(chosen, without)
         return _State(observations, collect(observations, chosen, material[chosen]), count, pool)
 
     with ThreadPoolExecutor(thread_count()) as pool:
@@ -243,7 +250,7 @@ def fit(
                 lights, free = _settle(lights, free, error, notes)
             progress(r + 1, rounds)
         # Judge by texels that the fit has not used whether it explains anything
-        test = gather(pool, samples // 4, offset=1)
+        test = gather(pool, samples // 4, offset=1, without=state.samples.texel)
         test.light(state.lamps)
         test.predict(rho, alpha)
         noise = _huber_scale(state.samples, state.residual, state.weight, count) / 1.68 * 1.48
