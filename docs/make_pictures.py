@@ -1,0 +1,277 @@
+"""The documentation's pictures, made from a result of the sample project.
+
+pip install -e '.[docs]'
+meshlab-svbrdf run sample_projects/totem/totem.mlp -o out
+python docs/make_pictures.py out/totem.mlp [NAME ...]
+"""
+
+from __future__ import annotations
+
+import sys
+
+import numpy as np
+from matplotlib.patches import Ellipse
+from picture_kit import (
+    BLUE,
+    DIM,
+    GREEN,
+    ORANGE,
+    TRUTH,
+    Scene,
+    around,
+    picture,
+    plt,
+    row_of_images,
+    save,
+    scaled,
+    show,
+)  # fmt: skip
+from picture_plots import joint_profiles, light_shapes, material_bells, peak_in_time, texel_history
+
+from meshlab_svbrdf.document.images import read_exr, read_image
+from meshlab_svbrdf.filters._sphere import marked_map
+from meshlab_svbrdf.geometry.harmonics import basis
+from meshlab_svbrdf.geometry.visibility import Rays, remap
+from meshlab_svbrdf.reflectance.labels import palette
+from meshlab_svbrdf.samples.luminance import decode
+
+FRAME = "high_045.jpg"
+
+
+def overview(scene: Scene) -> None:
+    """The strip of the README."""
+    document, raster, view = scene.document, scene.frame(FRAME), scene.held_out[1]
+    camera = raster.camera
+    top = [
+        (picture(raster.path), "a frame of the video"),
+        (scene.wearing(document.map("diffuse", "png")[0], camera), "diffuse colour"),
+        (scene.wearing(document.map("materials_shown", "png")[0], camera), "materials"),
+        (scene.wearing(document.map("alpha", "png")[0], camera), "shininess α (grey: unobserved)"),
+    ]
+    figure = plt.figure(figsize=(12, 8.55))
+    grid = figure.add_gridspec(
+        2, 4, left=0.003, right=0.997, bottom=0.003, top=0.968, wspace=0.012, hspace=0.06
+    )
+    for k, (image, title) in enumerate(top):
+        show(figure.add_subplot(grid[0, k]), image, title)
+    show(figure.add_subplot(grid[1, 0]), picture(view.path), "a view that was held out")
+    show(figure.add_subplot(grid[1, 1]), scene.rendered(view.camera), "the same view, rendered")
+    sphere = marked_map(document.image("environment").astype(float), scene.lights)
+    show(figure.add_subplot(grid[1, 2:]), sphere, "environment map, with the lights found")
+    save(figure, "totem.jpg")
+
+
+def texels(scene: Scene) -> None:
+    """The atlas in normals, some texels in their triangles, the object."""
+    t = scene.texels
+    atlas = t.to_images((0.5 + 0.5 * t.normal).astype(np.float32), 0.11)[0]
+    camera = scaled(scene.frame(FRAME).camera, 1.2)
+    figure = row_of_images(
+        [atlas[::2, ::2], np.ones((480, 480, 3)), scene.wearing(decode(atlas), camera)],
+        ["texels: the colour is the normal", "20 × 20 of them, one per pixel centre", ""],
+    )
+    # Draw the triangles and texel centres of a small window of the atlas
+    axis = figure.axes[1]
+    axis.clear()
+    row, col = 600, 420
+    near = (abs(t.row - row) <= 10) & (abs(t.col - col) <= 10)
+    height, width = t.sizes[0]
+    corners = scene.mesh.uv[np.unique(t.face[near])] * [width, -height] + [0, height]
+    for triangle in corners:
+        axis.fill(*triangle.T, edgecolor=DIM, facecolor="none", linewidth=0.8)
+    colors = 0.5 + 0.5 * t.normal[near]
+    axis.scatter(t.col[near] + 0.5, t.row[near] + 0.5, s=16, c=colors)
+    axis.set(xlim=(col - 10, col + 10), ylim=(row + 10, row - 10), aspect="equal")
+    axis.set_title("20 × 20 of them, one per pixel centre", pad=5)
+    axis.set_axis_off()
+    save(figure, "texels.png")
+
+
+def visibility(scene: Scene) -> None:
+    """The open share of the hemisphere, and one vertex's visibility in rays and in harmonics."""
+    coefficients = scene.document.array("visibility")
+    mesh, normals = scene.mesh, scene.mesh.vertex_normals()
+    openness = coefficients[:, 0] * np.sqrt(4 * np.pi) / (2 * np.pi)
+    corners = openness[mesh.faces[scene.texels.face]]
+    grey = np.einsum("tc,tc->t", corners, scene.texels.barycentric).clip(0, 1) ** 2.2
+    camera = around(scene.frame(FRAME).camera, scene.mesh)
+    images = [scene.wearing(scene.as_texture(np.repeat(grey[:, None], 3, 1)), camera)]
+
+    # Look at the hemisphere of a half-open vertex, its normal in the middle
+    towards = camera.center - scene.mesh.center
+    v = int(np.argmin(abs(openness - 0.6) + (normals @ towards < 3)))
+    n = normals[v]
+    a = np.cross(n, [0, 1, 0] if abs(n[1]) < 0.9 else [1, 0, 0])
+    a /= np.linalg.norm(a)
+    b = np.cross(n, a)
+    x, y = np.meshgrid(np.linspace(-1, 1, 400), np.linspace(1, -1, 400))
+    radius = np.hypot(x, y)
+    theta = np.minimum(radius, 1) * np.pi / 2
+    scale = np.sin(theta) / np.maximum(radius, 1e-9)
+    omega = x[..., None] * scale[..., None] * a + y[..., None] * scale[..., None] * b
+    omega = (omega + np.cos(theta)[..., None] * n).reshape(-1, 3)
+    rays = Rays(mesh)
+    origin = (mesh.vertices[v] - rays.center + 1e-4 * rays.radius * n)[None].astype(np.float32)
+    seen = ~rays.blocked(np.repeat(origin, len(omega), 0), omega)
+    smooth = basis(omega) @ coefficients[v]
+    for values in (seen.astype(float), np.clip(smooth, 0, 1), remap(smooth)):
+        image = np.repeat(values.reshape(x.shape)[..., None], 3, -1)
+        image[radius > 1] = (0.114, 0.122, 0.129)
+        images.append((255 * image).astype(np.uint8))
+    titles = [
+        "open share", "one vertex: rays", "six bands", "remapped",
+    ]  # fmt: skip
+    save(row_of_images(images, titles), "visibility.png")
+
+
+def samples(scene: Scene) -> None:
+    """A frame, the quality of its samples, and in how many frames each texel is seen."""
+    raster = scene.frame(FRAME)
+    used = [f["label"] for f in scene.document.json("frames")["frames"] if "samples" in f]
+    index = used.index(FRAME)
+    quality = np.full(len(scene.texels), np.nan)
+    for block in scene.observations.store.blocks():
+        owner = np.repeat(np.arange(block.first, block.stop), np.diff(block.offsets))
+        here = block.frame == index
+        quality[owner[here]] = (block.quality[here] & 127) / 127
+    frames = scene.document.attribute("frames").astype(float)
+    top = float(np.quantile(frames, 0.99))
+    images = [
+        picture(raster.path),
+        scene.wearing(scene.coloured(quality, 0, 1), raster.camera),
+        scene.wearing(scene.coloured(frames, 0, top), raster.camera),
+    ]
+    titles = ["a frame", "quality of its samples, 0 to 1", f"samples per texel, 0 to {top:.0f}"]
+    save(row_of_images(images, titles, 8), "samples.png")
+
+
+def environment(scene: Scene) -> None:
+    """The map with the true lights, and where the object had mirrors."""
+    document = scene.document
+    radiance, weight = (document.array(f"environment_{w}") for w in ("radiance", "weight"))
+    figure, axes = plt.subplots(1, 2, figsize=(9, 2.55))
+    top = np.quantile(radiance[weight > 0], 0.999)
+    show(axes[0], radiance, "excess over the threshold; ○ true lights", cmap="gray", vmax=top)
+    height = len(radiance)
+    for _, d, _ in scene.truth:
+        phi, theta = np.arctan2(d[0], -d[2]) % (2 * np.pi), np.arccos(d[1])
+        place = phi / np.pi * height - 0.5, theta / np.pi * height - 0.5
+        axes[0].plot(*place, "o", markersize=15, markerfacecolor="none", color=ORANGE)
+    show(axes[1], np.log10(np.maximum(weight, 0.1)), "samples mirrored there (log Σ q·V)")
+    figure.subplots_adjust(0.004, 0.004, 0.996, 0.9, wspace=0.02)
+    save(figure, "environment.png")
+
+
+def diffuse(scene: Scene) -> None:
+    """Mean, statistical D, final D and the truth."""
+    document = scene.document
+    camera = around(scaled(scene.frame("high_040.jpg").camera, 1.2), scene.mesh)
+    names = ("mean_color", "diffuse", "final_diffuse")
+    images = [scene.wearing(scene.as_texture(document.attribute(n) / 100), camera) for n in names]
+    images.append(scene.wearing(read_exr(TRUTH / "diffuse_shaded.exr"), camera))
+    titles = ["mean of the samples", "D, statistical", "D, after the joint fit", "truth"]
+    save(row_of_images(images, titles), "diffuse.png")
+
+
+def lights(scene: Scene) -> None:
+    """Each light's blob with its ellipse, before and after the fit."""
+    figure, axes = plt.subplots(1, len(scene.lights_found), figsize=(9, 3.3))
+    for axis, light in zip(np.atleast_1d(axes), scene.lights_found, strict=True):
+        image, extent, place = light_shapes(scene, light)
+        axis.imshow(image, extent=extent, cmap="gray", origin="lower")
+        values, vectors = np.linalg.eigh(np.degrees(np.degrees(light.covariance)))
+        angle = np.degrees(np.arctan2(*vectors[::-1, 1]))
+        for sigmas, style in ((1, "-"), (2.5, ":")):
+            size = 2 * sigmas * np.sqrt(values[::-1])
+            axis.add_patch(Ellipse((0, 0), *size, angle=angle, fill=False, ls=style, color=BLUE))
+        axis.plot(0, 0, "+", color=BLUE, label="centroid, 1σ and 2.5σ")
+        refined = [place(lamp.direction) for lamp in scene.lights]
+        true = [(name, place(d)) for name, d, _ in scene.truth]
+        axis.plot(*min(refined, key=np.linalg.norm), "x", color=GREEN, label="after the joint fit")
+        name, where = min(true, key=lambda each: np.linalg.norm(each[1]))
+        axis.plot(*where, "o", markersize=11, markerfacecolor="none", color=ORANGE, label="truth")
+        axis.set(title=f"{name} light", xlabel="degrees", xlim=extent[:2], ylim=extent[2:])
+    figure.legend(*axis.get_legend_handles_labels(), loc="lower center", ncols=3)
+    figure.subplots_adjust(0.05, 0.23, 0.99, 0.93)
+    save(figure, "lights.png")
+
+
+def texel_specular(scene: Scene) -> None:
+    """One peak, and α of the texels."""
+    figure, (left, right) = plt.subplots(1, 2, figsize=(9, 4), width_ratios=(1.8, 1))
+    peak_in_time(scene, left)
+    alpha = scene.document.attribute("alpha").astype(float)
+    image = scene.coloured(np.log10(alpha), 0.5, 2.5)
+    show(right, scene.wearing(image, scene.frame(FRAME).camera), "α of single texels")
+    bar = plt.cm.ScalarMappable(plt.Normalize(0.5, 2.5), "viridis")
+    colorbar = figure.colorbar(bar, ax=right, fraction=0.04, ticks=np.log10([5, 20, 60, 200]))
+    colorbar.ax.set_yticklabels(["5", "20", "60", "200"])
+    figure.subplots_adjust(0.06, 0.12, 0.96, 0.92, wspace=0.05)
+    save(figure, "texel_specular.png")
+
+
+def materials(scene: Scene) -> None:
+    """The clusters on the object and in the atlas, beside the true materials."""
+    camera = around(scene.frame(FRAME).camera, scene.mesh)
+    shown = scene.document.map("materials_shown", "png")[0]
+    ids = read_image(TRUTH / "material_id.png")
+    labels = scene.document.map("material", "png")[0]
+    grey = np.full((256, 3), 60, np.uint8)
+    colors, step = palette(255), labels.shape[0] // ids.shape[0]
+    for material in np.unique(ids[ids < 255]):
+        own = labels[::step, ::step][ids == material]
+        grey[material] = colors[np.bincount(own[own < 255]).argmax()]
+    truth = grey[ids]
+    images = [scene.wearing(shown, camera), shown[::2, ::2], scene.wearing(truth, camera)]
+    found = len(scene.document.json("materials")["materials"])
+    titles = [f"{found} clusters", "in the atlas", "the 3 true materials"]
+    save(row_of_images(images, titles, 8), "materials.png")
+
+
+def rendering(scene: Scene) -> None:
+    """A held-out view, its rendering, and where they differ."""
+    view = scene.held_out[3]
+    true, made = picture(view.path), scene.rendered(view.camera)
+    outside = scene.wearing(np.zeros((8, 8, 3)), view.camera).max(-1) > 20
+    off = np.abs(true.astype(int) - made).mean(-1)
+    off[outside] = 0
+    heat = (255 * plt.get_cmap("inferno")(np.clip(off / 32, 0, 1))[..., :3]).astype(np.uint8)
+    titles = ["held-out view", "rendered", "difference, 0 (black) to 32 of 255"]
+    save(row_of_images([true, made, heat], titles, 8), "rendering.png")
+
+
+def threshold(scene: Scene) -> None:
+    """A texel's luminance over the frames."""
+    figure, axis = plt.subplots(figsize=(9, 3.4))
+    texel_history(scene, axis)
+    figure.subplots_adjust(0.055, 0.14, 0.99, 0.97)
+    save(figure, "threshold.png")
+
+
+def material_specular(scene: Scene) -> None:
+    """The paper's bells and the joint fit's profiles."""
+    for name, draw in (("paper", material_bells), ("joint", joint_profiles)):
+        figure, axis = plt.subplots(figsize=(9, 3.4))
+        draw(scene, axis)
+        axis.grid(alpha=0.4)
+        figure.subplots_adjust(0.07, 0.15, 0.99, 0.93)
+        save(figure, f"material_specular_{name}.png")
+
+
+PICTURES = (
+    overview, texels, visibility, samples, threshold, environment, diffuse, lights, texel_specular,
+    materials, material_specular, rendering,
+)  # fmt: skip
+
+
+def main(project: str, *names: str) -> None:
+    scene = Scene(project)
+    for draw in PICTURES:
+        if not names or draw.__name__ in names:
+            draw(scene)
+
+
+if __name__ == "__main__":
+    if len(sys.argv) < 2:
+        raise SystemExit(__doc__)
+    main(*sys.argv[1:])
