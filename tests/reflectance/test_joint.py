@@ -22,7 +22,7 @@ from meshlab_svbrdf.geometry.camera import Camera
 from meshlab_svbrdf.reflectance.diffuse import diffuse_color
 from meshlab_svbrdf.reflectance.diffuse_refit import refit_diffuse
 from meshlab_svbrdf.reflectance.environment import environment_map
-from meshlab_svbrdf.reflectance.joint import _predict, _reweigh, fit
+from meshlab_svbrdf.reflectance.joint import _huber_scale, _predict, _reweigh, _settle, fit
 from meshlab_svbrdf.reflectance.lights import lights_by_peaks, tangents
 from meshlab_svbrdf.reflectance.threshold import luminance_threshold
 
@@ -353,6 +353,37 @@ def test_outliers_are_weighed_down_but_peaks_are_not():
         specular, residual, np.array([1.0]), True, w,
     )  # fmt: skip
     np.testing.assert_allclose(w, [0.1, 0.1, 1, 1])
+
+
+def test_scale_of_outliers_is_robust_and_has_a_floor(scene):
+    """1.68 · median |e| of each material; .3 where it is less, or nothing is there."""
+    texels = len(scene.observations.texels)
+    samples = module.collect(scene.observations, np.arange(texels), scene.material)
+    owner = np.repeat(scene.material, np.diff(samples.offsets))
+    residual = np.where(owner == 0, 2.0, np.where(owner == 1, 0.01, np.nan))
+    residual[np.flatnonzero(owner == 0)[::3]] = 1e6
+    scale = _huber_scale(samples, residual, (owner < 2).astype(float), 4)
+    np.testing.assert_allclose(scale, [1.68 * 2, 0.3, 0.3, 0.3])
+
+
+@pytest.mark.parametrize(
+    ("curvature", "error", "far"),
+    [(0.2, 0.01, False), (0.009, 1e-6, True), (0.2, 0.11, True), (0.2, np.inf, True), (0, 0, True)],
+)
+def test_a_light_is_far_where_its_distance_does_not_show(curvature, error, far):
+    """κ below .01 of the radius, or below two standard errors."""
+    lights, free = _settle([lamp([0, 0, 1], 1.0, curvature)], np.ones(1, bool), [error], [])
+    assert lights[0].curvature == (0 if far else curvature)
+    assert free.tolist() == [not far]
+
+
+def test_lights_that_settle_at_next_to_nothing_are_dropped():
+    lights = [lamp([0, 0, 1], 2.0, 0.2), lamp([1, 0, 0], 0.09, 0.2), lamp([0, 1, 0], 0.11, 0.2)]
+    notes: list[str] = []
+    kept, free = _settle(lights, np.array([True, True, False]), np.zeros(3), notes)
+    assert [light.gain for light in kept] == [2.0, 0.11]
+    assert free.tolist() == [True, False]
+    assert notes == ["1 lights dropped: no highlight is theirs"]
 
 
 # From the samples alone
