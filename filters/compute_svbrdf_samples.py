@@ -105,6 +105,8 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
     )
     sampler = FrameSampler(mesh, texels, reference_depth(some, cameras), quality)
 
+    quality_sum = np.zeros(len(rasters))
+
     def sample(index: int):
         raster = rasters[index]
         size = (raster.camera.width, raster.camera.height)
@@ -112,7 +114,9 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
         mask = (
             None if raster.mask is None else read_mask(raster.mask, label=raster.label, size=size)
         )
-        return sampler.sample(raster.camera, image, mask)
+        samples = sampler.sample(raster.camera, image, mask)
+        quality_sum[index] = (samples[2] & 127).sum() / 127
+        return samples
 
     store = write_store(
         document.staged_folder("samples"), len(texels), len(rasters), sample,
@@ -153,7 +157,8 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
             "frames": [
                 {
                     "label": raster.label, "sequence": raster.sequence, "gain": gain[k],
-                    "samples": int(store.seen[k]), "residual": residual[k],
+                    "samples": int(store.seen[k]), "quality": quality_sum[k] / max(store.seen[k], 1),
+                    "residual": residual[k],
                 }
                 for k, raster in enumerate(rasters)
             ]

@@ -12,6 +12,8 @@ from meshlab_svbrdf.reflectance.environment import environment_map
 from ._sphere import set_environment_layer
 from ._stages import counted, read_observations, read_statistics, share
 
+ENOUGH = 2_000_000  # samples from which 128 rows are not noisy: 60 a pixel
+
 FILTER = Filter(
     name="generate_svbrdf_environment_map",
     title="SVBRDF: environment map",
@@ -20,8 +22,8 @@ FILTER = Filter(
     parameters=(
         Parameter(
             "height", "int", 0, minimum=0, maximum=1024, unit="pixels",
-            help="Rows of the latitude-longitude map. 0: 128, or 64 where there are fewer than 200 "
-            "samples a pixel.",
+            help="Rows of the latitude-longitude map. 0: 128, or 64 for photographs and where there "
+            "are fewer than 2 million samples.",
         ),
         Parameter(
             "samples", "int", 2_000_000, minimum=1000,
@@ -46,8 +48,8 @@ FILTER = Filter(
 
 def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
     observations, statistics = read_observations(document), read_statistics(document)
-    used = min(parameters.samples, len(observations.store))
-    height = parameters.height or (128 if used > 200 * 128 * 256 / 4 else 64)
+    few = document.json("frames")["stills"] or len(observations.store) < ENOUGH
+    height = parameters.height or (64 if few else 128)
     found = environment_map(
         observations, statistics, height=height, samples=parameters.samples,
         normalisation=parameters.normalisation, scale=parameters.scale,
