@@ -32,7 +32,10 @@ FILTER = Filter(
             help='"joint" eliminates every texel\'s diffuse term and refines the lights; '
             '"paper" takes the highest mode of the texels\' ρs.',
         ),
-        Parameter("rounds", "int", 6, minimum=1, maximum=50, help="Of the joint fit."),
+        Parameter(
+            "rounds", "int", 10, minimum=1, maximum=50,
+            help="Of the joint fit, at most; it ends when nothing moves by more than .1 %.",
+        ),
         Parameter(
             "samples", "int", 6_000_000, minimum=10_000,
             help="About how many samples the joint fit holds in memory, about 40 bytes each.",

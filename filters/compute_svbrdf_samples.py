@@ -157,8 +157,8 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
             "frames": [
                 {
                     "label": raster.label, "sequence": raster.sequence, "gain": gain[k],
-                    "samples": int(store.seen[k]), "quality": quality_sum[k] / max(store.seen[k], 1),
-                    "residual": residual[k],
+                    "samples": int(store.seen[k]), "residual": residual[k],
+                    "quality": quality_sum[k] / max(store.seen[k], 1),
                 }
                 for k, raster in enumerate(rasters)
             ]

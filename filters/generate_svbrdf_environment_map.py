@@ -22,8 +22,8 @@ FILTER = Filter(
     parameters=(
         Parameter(
             "height", "int", 0, minimum=0, maximum=1024, unit="pixels",
-            help="Rows of the latitude-longitude map. 0: 128, or 64 for photographs and where there "
-            "are fewer than 2 million samples.",
+            help="Rows of the latitude-longitude map. 0: 128, or 64 for photographs and where "
+            "there are fewer than 2 million samples.",
         ),
         Parameter(
             "samples", "int", 2_000_000, minimum=1000,

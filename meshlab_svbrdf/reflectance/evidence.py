@@ -18,7 +18,8 @@ class Evidence:
     """What speaks for a material's ρs and α.
 
     z : ρQ / √Σ w²φ̃²e², ρ over its own error
-    explained : share of the variance of the texels that should show the lobe that it explains
+    explained : share of the variance of the texels that should show the lobe that it explains;
+        NaN where none shows more of it than three times the noise
     color : (3,) of the highlight, luminance 1; color_error : (3,) standard errors
     """
 
@@ -81,9 +82,9 @@ def weigh_evidence(
     for row in sum(chunks(work), np.zeros((len(noise), 10))):
         q, error, unexplained, variance = row[:4]
         if q <= 0:
-            out.append(Evidence(0.0, 0.0, np.ones(3), np.full(3, np.inf)))
+            out.append(Evidence(0.0, np.nan, np.ones(3), np.full(3, np.inf)))
             continue
-        explained = 1 - unexplained / variance if variance > 0 else 0.0
+        explained = 1 - unexplained / variance if variance > 0 else np.nan
         out.append(
             Evidence(
                 q / np.sqrt(error) if error > 0 else np.inf,
@@ -115,6 +116,8 @@ def verdict(rho_s: float, at_end: bool, evidence: Evidence, width: float) -> str
         return f"rho_s is only {evidence.z:.1f} times its error (needs {Z_LEAST:g})"
     if not width < WIDTH_MOST:
         return f"the shininess is uncertain by a factor of {np.exp(width):.1f}"
+    if np.isnan(evidence.explained):
+        return "no highlight stands out of the noise"
     if not evidence.explained > EXPLAINED_LEAST:
         return (
             f"the highlights explain {max(evidence.explained, 0):.0%} of what the texels' "

@@ -29,6 +29,10 @@ FARTHEST = 0.01
 """κ below which a light is far: it stands a hundred radii away."""
 WEAKEST = 0.05
 """Of the strongest gain, below which a light is none."""
+SETTLE = 3
+"""The round after which it is decided which lights there are, and which of them are far."""
+STILL = 1e-3
+"""Change of ln ρs and ln α below which the rounds end."""
 
 
 @dataclass(frozen=True)
@@ -177,7 +181,7 @@ def fit(
     turn: np.ndarray,
     footprint: float,
     *,
-    rounds: int = 6,
+    rounds: int = 10,
     samples: int = 6_000_000,
     near: bool = True,
     censoring: bool = True,
@@ -192,7 +196,8 @@ def fit(
     lights : first guesses, from the environment map
     turn : (T,) how fast the normal turns, radians per radius
     footprint : a pixel's size on the object, in radii
-    rounds : of elimination, weights and Gauss-Newton; κ is free from the second on
+    rounds : at most, of elimination, weights and Gauss-Newton; κ is free from the second on. They
+        end when no ρs or α moves by more than .1 %
     near, censoring : near lights; clipped samples as lower bounds
     curvature : c of "twice the normal's turn per pixel < c/√α"; 0 takes every texel
     """
@@ -240,13 +245,15 @@ def fit(
             state.predict(rho, alpha)
             state.reweigh(use_clipped=censoring and r > 0)
             history.append({"rho_s": rho.tolist(), "alpha": alpha.tolist()})
+            if r > SETTLE and _converged(history[-2], history[-1]):
+                break
             if r < rounds - 1:
                 usable = np.where([p.at_end for p in profiles], 0.0, rho)
                 lights, error = refine_lights(
                     lights, state.samples, state.weight, state.residual, state.position, state.rays,
                     state.gains, state.lamps, usable, alpha, state.chunks, near=free & (r > 0),
                 )  # fmt: skip
-            if r == rounds - 3:
+            if r == min(SETTLE, rounds - 1):
                 lights, free = _settle(lights, free, error, notes)
             progress(r + 1, rounds)
         # Judge by texels that the fit has not used whether it explains anything
@@ -265,6 +272,12 @@ def fit(
         notes.append("no gloss is observed: the lights stay as they were found")
         lights = found
     return JointFit(lights, materials, history, notes)
+
+
+def _converged(before: dict, after: dict) -> bool:
+    """Whether no material's ρs or α has moved (materials without a lobe stay at 0)."""
+    old, new = (np.array([h["rho_s"], h["alpha"]]) for h in (before, after))
+    return bool(np.all(np.abs(new - old) <= STILL * np.abs(old)))
 
 
 def _settle(

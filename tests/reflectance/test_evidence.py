@@ -113,15 +113,16 @@ def test_without_lobe_or_samples_there_is_no_evidence(without):
     weight = weight * np.float32(without != "weight")
     (found,) = weigh(samples, weight, specular, residual, 1.0)
     assert found.z == 0
-    assert found.explained == 0
+    assert np.isnan(found.explained)
     assert highlight_color(found) == (1, 1, 1)
 
 
 def test_texels_that_should_not_show_the_lobe_do_not_count():
     samples, weight, specular, residual = case(rho=2.0)
     (found,) = weigh(samples, weight, specular, residual, 1e3)
-    assert found.explained == 0
+    assert np.isnan(found.explained)
     assert found.z > 3
+    assert "noise" in verdict(2.0, False, found, 0.1)
 
 
 def test_exact_fit_is_infinitely_evident():
