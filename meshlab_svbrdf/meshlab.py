@@ -25,7 +25,7 @@ import pymeshlab
 
 from .document.document import Document
 from .document.images import read_image, write_png
-from .document.layers import Layer, write_layer
+from .document.layers import UNOBSERVED, Layer, write_layer
 from .document.mesh_files import MeshFile, read_mesh
 from .errors import SvbrdfError
 from .geometry.mesh import Mesh
@@ -220,6 +220,7 @@ def run_on_document(document: Document, name: str, xml: str) -> None:
 def push(meshes: pymeshlab.MeshSet, layer: Layer) -> int:
     """Add a layer to a MeshSet; its id there. Attributes become custom scalar attributes.
 
+    In those of the suite, unobserved (NaN) is -1.
     MeshLab gets a copy of the file whose textures are PNG: the wheels read no JPEG, and a texture
     that cannot be read crashes MeshLab later. Textures that do not exist are left out.
     """
@@ -235,6 +236,8 @@ def push(meshes: pymeshlab.MeshSet, layer: Layer) -> int:
     if not np.array_equal(layer.matrix, np.eye(4)):
         _MeshSet.apply_filter(meshes, "set_matrix", transformmatrix=layer.matrix, freeze=False)
     for name, values in content.vertex_attributes.items():
+        if name.startswith("svbrdf_"):  # as Quality, NaN crashes MeshLab's colour ramps
+            values = np.where(np.isnan(values), UNOBSERVED, values)
         mesh.add_vertex_custom_scalar_attribute(np.asarray(values, np.float64), name)
     _MeshSet.set_mesh_visibility(meshes, mesh.id(), layer.visible)
     return mesh.id()
