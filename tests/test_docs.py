@@ -2,9 +2,14 @@
 
 import importlib.util
 import re
+import shlex
 from pathlib import Path
+from types import ModuleType
 
 import pytest
+
+from meshlab_svbrdf.registry import get, load
+from meshlab_svbrdf.script import check_script, read_script
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"), *ROOT.glob("sample_projects/*.md")])
@@ -58,3 +63,39 @@ def test_pictures_are_small_and_used():
     for picture in pictures:
         assert picture.name in text, f"no page shows {picture.name}"
         assert picture.stat().st_size < 400_000
+
+
+def blocks(page, language):
+    """The code blocks of a page."""
+    text = (ROOT / page).read_text(encoding="utf-8")
+    return re.findall(rf"^```{language}\n(.*?)^```", text, re.DOTALL | re.M)
+
+
+@pytest.mark.parametrize("page", ["README.md", "docs/paper.md"])
+def test_scripts_are_accepted(page, tmp_path):
+    for script in blocks(page, "xml"):
+        (tmp_path / "chain.mlx").write_text(script, encoding="utf-8")
+        check_script(read_script(tmp_path / "chain.mlx"))
+
+
+def test_filter_of_the_guide_is_a_filter():
+    (code,) = blocks("CONTRIBUTING.md", "python")
+    module = ModuleType("compute_svbrdf_contrast")
+    exec(compile(code, "CONTRIBUTING.md", "exec"), module.__dict__)
+    assert load(module).check({"floor": 2}).floor == 2
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_python_examples_compile_and_name_filters_that_exist(page):
+    for code in blocks(page, "python"):
+        compile(code, page.name, "exec")
+        for call in re.finditer(r"\bms\.(\w*svbrdf\w*)\(", code):
+            get(call[1])
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_shell_examples_give_parameters_that_exist(page):
+    for code in blocks(page, "sh"):
+        for line in re.findall(r"meshlab-svbrdf apply (.*)", re.sub(r"\\?\n +", " ", code)):
+            _, name, *given = shlex.split(line, comments=True)
+            get(name).check(dict(word.split("=", 1) for word in given))
