@@ -29,7 +29,7 @@ FILTER = Filter(
     ),
     help="Shoots a ray along each texel's normal, both ways, onto the detailed layer and takes its "
     "normal. Texels that miss keep their own and are marked in the attribute svbrdf_baked. "
-    "maps/normal.png is the baked map in tangent space.",
+    "maps/normal.png is the baked map in tangent space. The detailed layer is hidden.",
     reference="Palma et al. 2012, §8 (the normal map of the high-resolution mesh)",
 )  # fmt: skip
 
@@ -58,4 +58,5 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
     document.set_texels(replace(texels, normal=normals.astype(np.float32)))
     document.set_array("texels_detail", hit)
     document.set_attribute("baked", hit.astype(np.uint8))
+    layers[parameters.source].visible = False  # it would cover the object in MeshLab
     return f"{share(hit)} of the texels got the normal of {parameters.source!r}"

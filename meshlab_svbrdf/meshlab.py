@@ -49,6 +49,14 @@ def _in_plugins(name: str) -> bool:
 
 
 @cache
+def _spelling(name: str) -> str:
+    """How the plugins write a name that differs in capitals only, or ""."""
+    text = re.compile(rb"\0(" + re.escape(name.encode()) + rb")\0", re.IGNORECASE)
+    found = (text.search(plugin.read_bytes()) for plugin in PACKAGE.rglob("*filter_*"))
+    return next((match[1].decode() for match in found if match), "")
+
+
+@cache
 def _parameters(python_name: str) -> frozenset[str]:
     """The parameters of a filter, in lower case; empty where MeshLab cannot say."""
     probe = pymeshlab.MeshSet()
@@ -66,8 +74,11 @@ def check(name: str, parameters: dict[str, str]) -> None:
     """
     key = re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_")
     python_name = _python_names().get(key)
+    written = _in_plugins(name)
+    if not written and (other := _spelling(name)):
+        raise SvbrdfError(f"MeshLab has no filter {name!r}: it writes {other!r}")
     if python_name is None:
-        if _in_plugins(name):
+        if written:
             return
         from . import registry
 
