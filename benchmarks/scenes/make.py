@@ -23,7 +23,6 @@ from meshlab_svbrdf.document.images import write_exr, write_png
 from meshlab_svbrdf.document.mesh_files import write_ply
 from meshlab_svbrdf.document.project import new_project, write_project
 from meshlab_svbrdf.geometry.camera import Camera
-from meshlab_svbrdf.geometry.mesh import Mesh
 from sample_projects.make_totem import placed
 from sample_projects.procedural.paint import encode_srgb
 

@@ -1,0 +1,194 @@
+"""How near a result comes to a scene's truth: lights, diffuse colour, materials, unseen views.
+
+A highlight cannot tell a lamp's size from the lobe: ρs and α are compared with the truth widened by
+the mean variance of the lamps, 1/α_seen = 1/α + σ².
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import warnings
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+from skimage.metrics import structural_similarity
+
+from meshlab_svbrdf.document.images import read_exr, read_image
+
+with warnings.catch_warnings():
+    warnings.simplefilter("ignore")  # it warns of its optional dependencies
+    import colour
+
+SAME_LIGHT = 10.0  # degrees
+Scores = dict[str, Any]
+
+
+def score(result: Path, truth: Path, rendered: Path, center: np.ndarray) -> Scores:
+    """All figures of one result.
+
+    result : NAME.svbrdf; truth : ground_truth; rendered : folder of the views' renderings;
+    center : (3,), of the mesh
+    """
+    figures = lights(result, truth, center) | diffuse(result, truth)
+    figures |= materials(result, truth) | clusters(result, truth)
+    return figures | unseen_views(rendered, truth / "views")
+
+
+def lights(result: Path, truth: Path, center: np.ndarray) -> Scores:
+    """Angles as seen from the centre, gains relative to each other, distances."""
+    emitters = _json(truth / "lights.json")["emitters"]
+    found = _json(result / "lights.json")["lights"]
+    expected = np.array([e["direction"] for e in emitters])
+    offsets = [
+        np.array(f["direction"]) if f["position"] is None else np.array(f["position"]) - center
+        for f in found
+    ]
+    rays = np.array([o / np.linalg.norm(o) for o in offsets]).reshape(-1, 3)
+    angles = np.degrees(np.arccos(np.clip(expected @ rays.T, -1, 1)))
+    i, j = linear_sum_assignment(np.minimum(angles, 3 * SAME_LIGHT))
+    same = angles[i, j] < SAME_LIGHT
+    i, j = i[same], j[same]
+    error = angles[i, j]
+    gain = np.log(
+        [
+            found[b]["gain"] / np.mean(emitters[a]["phong_intensity"])
+            for a, b in zip(i, j, strict=True)
+        ]
+    )
+    return {
+        "lights_missed": len(emitters) - len(i),
+        "lights_false": len(found) - len(j),
+        "light_deg": float(error.mean()) if len(i) else None,
+        "light_deg_max": float(error.max()) if len(i) else None,
+        "ln_gain_max": float(np.abs(gain - gain.mean()).max()) if len(i) > 1 else None,
+    }
+
+
+def diffuse(result: Path, truth: Path) -> Scores:
+    """CIEDE2000 at the truth's resolution, where the map is observed and the truth not clipped."""
+    shaded = read_exr(truth / "diffuse_shaded.exr").astype(np.float64)
+    size = shaded.shape[1::-1]
+    inside = _shrink((read_image(truth / "texel_mask.png") > 127).astype(float), size) > 0.999
+    inside &= np.isfinite(shaded).all(-1) & (shaded.max(-1) < 1)
+    found = read_exr(result / "maps" / "diffuse.exr").astype(np.float64)
+    valid = np.isfinite(found).all(-1) & (read_image(result / "maps" / "valid.png") > 127)
+    weight = _shrink(valid.astype(float), size)
+    mean = _shrink(np.where(valid[..., None], found, 0), size)
+    seen = inside & (weight > 0.5)
+    error = colour.delta_E(_lab(mean[seen] / weight[seen][:, None]), _lab(shaded[seen]))
+    return {
+        "coverage": float(seen.sum() / inside.sum()),
+        "dE_mean": float(error.mean()),
+        "dE_median": float(np.median(error)),
+        "dE_p95": float(np.quantile(error, 0.95)),
+    }
+
+
+def materials(result: Path, truth: Path) -> Scores:
+    """Per true material: ln of estimate over truth, where the truth has any gloss.
+
+    A material that is unobserved on more than half of its texels is infinitely wrong.
+    """
+    described = _json(truth / "materials.json")["materials"]
+    if any(m["rho_s"] is None for m in described):
+        return {"materials": [], "ln_rho_s_worst": None, "ln_alpha_worst": None}
+    emitters = _json(truth / "lights.json")["emitters"]
+    parts = [np.mean(np.radians(e["half_extent_deg"]) ** 2) / _DIVISOR[e["kind"]] for e in emitters]
+    variance = float(np.mean(parts))
+    gain = float(np.exp(np.mean([np.log(np.mean(e["phong_intensity"])) for e in emitters])))
+    rho_s, alpha = (read_exr(result / "maps" / f"{name}.exr") for name in ("rho_s", "alpha"))
+    ids, inside = _like(rho_s, truth)
+    rows = []
+    for m in described:
+        own = cv2.erode(((ids == m["id"]) & inside).astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
+        seen = own & np.isfinite(rho_s) & np.isfinite(alpha) & (rho_s > 0)
+        row: Scores = {"name": m["name"], "observed": float(seen.sum() / max(own.sum(), 1))}
+        rows.append(row)
+        if row["observed"] >= 0.5:
+            row |= {"rho_s": float(np.median(rho_s[seen])), "alpha": float(np.median(alpha[seen]))}
+        if m["rho_s"] == 0:
+            continue
+        alpha_true = 1 / (1 / m["alpha"] + variance)
+        rho_true = m["rho_s"] * gain * alpha_true / m["alpha"]
+        row |= {"rho_s_true": rho_true, "alpha_true": alpha_true}
+        row["ln_rho_s"] = math.log(row["rho_s"] / rho_true) if "rho_s" in row else math.inf
+        row["ln_alpha"] = math.log(row["alpha"] / alpha_true) if "alpha" in row else math.inf
+    glossy = [row for row in rows if "ln_rho_s" in row]
+    return {
+        "materials": rows,
+        "ln_rho_s_worst": max((row["ln_rho_s"] for row in glossy), key=abs),
+        "ln_alpha_worst": max((row["ln_alpha"] for row in glossy), key=abs),
+    }
+
+
+_DIVISOR = {"disk": 4, "rectangle": 3}  # a uniform disk's variance is r²/4, a bar's a²/3
+
+
+def clusters(result: Path, truth: Path) -> Scores:
+    """Adjusted Rand index of the material labels."""
+    label = read_image(result / "maps" / "material.png")
+    ids, inside = _like(label, truth)
+    ok = inside & (label < np.iinfo(label.dtype).max)
+    table = np.zeros((256, int(label[ok].max(initial=0)) + 1))
+    np.add.at(table, (ids[ok], label[ok]), 1)
+
+    def pairs(x: np.ndarray) -> float:
+        return float((x * (x - 1) / 2).sum())
+
+    rows, columns, total = pairs(table.sum(1)), pairs(table.sum(0)), pairs(table.sum())
+    chance = rows * columns / max(total, 1)
+    rand = (pairs(table) - chance) / max((rows + columns) / 2 - chance, 1e-12)
+    return {"clusters": int((table.sum(0) > 0).sum()), "adjusted_rand": rand}
+
+
+def unseen_views(rendered: Path, truth: Path) -> Scores:
+    """PSNR and SSIM in sRGB over the object's pixels, and PSNR over the brightest tenth of them."""
+    everywhere, highlights, similar = [], [], []
+    for path in sorted(truth.glob("view_*.png")):
+        expected, got = (
+            read_image(p)[..., :3].astype(np.float64) for p in (path, rendered / path.name)
+        )
+        on = (np.abs(expected - expected[0, 0]).max(-1) > 2).astype(np.uint8)
+        kernel = np.ones((5, 5), np.uint8)
+        on = cv2.erode(cv2.morphologyEx(on, cv2.MORPH_CLOSE, kernel), kernel) > 0
+        square, bright = ((expected - got) ** 2).mean(-1)[on], expected.mean(-1)[on]
+        everywhere.append(_psnr(square))
+        highlights.append(_psnr(square[bright >= np.quantile(bright, 0.9)]))
+        _, map_ = structural_similarity(expected, got, channel_axis=2, data_range=255, full=True)
+        similar.append(map_.mean(-1)[on].mean())
+    return {
+        "psnr": float(np.mean(everywhere)),
+        "psnr_worst": float(min(everywhere)),
+        "psnr_highlights": float(np.mean(highlights)),
+        "ssim": float(np.mean(similar)),
+    }
+
+
+def _psnr(square: np.ndarray) -> float:
+    return 10 * math.log10(255**2 / max(float(square.mean()), 1e-9))
+
+
+def _like(image: np.ndarray, truth: Path) -> tuple[np.ndarray, np.ndarray]:
+    """The true material ids and the charts' mask at the image's size."""
+    size = image.shape[1::-1]
+    ids, mask = (
+        cv2.resize(read_image(truth / f"{name}.png"), size, interpolation=cv2.INTER_NEAREST)
+        for name in ("material_id", "texel_mask")
+    )
+    return ids, mask > 127
+
+
+def _lab(linear: np.ndarray) -> np.ndarray:
+    return colour.XYZ_to_Lab(colour.RGB_to_XYZ(np.clip(linear, 0, 1), "sRGB"))
+
+
+def _shrink(image: np.ndarray, size: tuple[int, int]) -> np.ndarray:
+    return cv2.resize(image, size, interpolation=cv2.INTER_AREA)
+
+
+def _json(path: Path) -> dict[str, Any]:
+    return json.loads(path.read_text(encoding="utf-8"))
