@@ -187,6 +187,8 @@ def test_simplify_parametrise_bake(totem, uv, tmp_path):
     own = document.texels().normal
     list(run_script(document, steps[bake : bake + 1]))
     baked = document.texels()
+    document.apply("transfer_svbrdf_normals", source="totem_copy", force=True)
+    np.testing.assert_array_equal(document.texels().normal, baked.normal)
 
     near = np.argmin(
         np.linalg.norm(scan.vertices[:, None] - (baked.position + baked.center)[::7], axis=2),
