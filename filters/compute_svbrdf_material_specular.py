@@ -12,11 +12,15 @@ from meshlab_svbrdf.reflectance.density import highest_bell
 from meshlab_svbrdf.reflectance.diffuse_refit import refit_diffuse
 from meshlab_svbrdf.reflectance.fit_samples import normal_turn
 from meshlab_svbrdf.reflectance.joint import Material, fit
+from meshlab_svbrdf.reflectance.normal_refinement import refine_normals
+from meshlab_svbrdf.samples.observations import with_normals
 
 from ._lights import set_lights
 from ._maps import set_diffuse_maps, set_scalar_map
 from ._materials import read_labels
 from ._stages import counted, read_lights_found, read_observations
+
+OUTER_ROUNDS = 2  # of correcting normals and fitting again
 
 FILTER = Filter(
     name="compute_svbrdf_material_specular",
@@ -46,6 +50,11 @@ FILTER = Filter(
             "curvature", "float", 0.8, minimum=0.0, maximum=10.0,
             help="Leaves out texels whose normal turns within a pixel by more than c/√α (joint); "
             "0: none.",
+        ),
+        Parameter(
+            "normals", "enum", "auto", choices=("auto", "keep"),
+            help="Correct the normals where highlights say so and the other half of the film agrees, "
+            "or keep them.",
         ),
         Parameter(
             "density", "enum", "log", choices=("log", "linear"),
@@ -79,22 +88,11 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
         materials = [_bell(document, dense == m, parameters) for m in range(len(ids))]
         notes = []
     else:
-        observations = read_observations(document)
-        mesh = document.mesh()
-        turn = np.einsum("tc,tc->t", texels.barycentric, normal_turn(mesh)[mesh.faces[texels.face]])
-        found = fit(
-            observations, dense, lights, turn, _footprint(document, texels),
-            rounds=parameters.rounds, samples=parameters.samples, near=parameters.near,
-            censoring=parameters.censoring, curvature=parameters.curvature,
-            progress=counted(progress.part(0, 0.6), "fitting"),
-        )  # fmt: skip
-        materials, notes, lights = found.materials, found.notes, found.lights or lights
-        diffuse = refit_diffuse(
-            observations, diffuse, dense,
-            np.array([m.rho_s for m in materials]), np.array([m.alpha for m in materials]),
-            np.array([m.color for m in materials]).reshape(-1, 3), lights,
-            counted(progress.part(0.6, 0.95), "diffuse colour"),
-        )  # fmt: skip
+        materials, notes, lights, diffuse, normals = _joint(
+            document, dense, lights, diffuse, parameters, progress
+        )
+        if normals is not None:
+            document.set_attribute("refined_normal", normals)
 
     # Write maps, materials and lights
     rho_s = np.array([m.rho_s for m in materials] + [np.nan], np.float32)[dense] / 100
@@ -115,6 +113,45 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
         },
     )
     return _outcome(parameters.estimator, ids, materials, lights, notes)
+
+
+def _joint(document, labels, lights, diffuse, parameters: Namespace, progress: Progress):
+    """Materials, notes, lights, diffuse colour and, where they were refined, normals."""
+    observations, mesh, notes = read_observations(document), document.mesh(), []
+    texels = observations.texels
+    turn = np.einsum("tc,tc->t", texels.barycentric, normal_turn(mesh)[mesh.faces[texels.face]])
+    start = lights
+    for outer in range(1 + OUTER_ROUNDS):
+        part = progress.part(0.25 * outer, 0.25 * (outer + 1))
+        found = fit(
+            observations, labels, start, turn, _footprint(document, texels),
+            rounds=parameters.rounds, samples=parameters.samples, near=parameters.near,
+            censoring=parameters.censoring, curvature=parameters.curvature,
+            progress=counted(part.part(0, 0.5), "fitting"),
+        )  # fmt: skip
+        start = found.lights or start
+        columns = [(m.rho_s, m.alpha, m.noise) for m in found.materials]
+        rho_s, alpha, noise = np.array(columns).reshape(-1, 3).T
+        if parameters.normals == "keep" or outer == OUTER_ROUNDS:
+            break
+        better = refine_normals(
+            observations, labels, rho_s, alpha, noise, start,
+            progress=counted(part.part(0.5, 1), "normals"),
+        )  # fmt: skip
+        if better.sigma == 0:
+            break
+        notes.append(
+            f"normals corrected by {np.degrees(better.turned):.2f}°, which takes {better.gain:.0%} of "
+            "the error from unseen samples"
+        )
+        observations = with_normals(observations, better.normal)
+    diffuse = refit_diffuse(
+        observations, diffuse, labels, rho_s, alpha,
+        np.array([m.color for m in found.materials]).reshape(-1, 3), start,
+        counted(progress.part(0.75, 0.95), "diffuse colour"),
+    )  # fmt: skip
+    normals = observations.view.normal if notes else None
+    return found.materials, notes + found.notes, found.lights or lights, diffuse, normals
 
 
 def _bell(document: Document, own: np.ndarray, parameters: Namespace) -> Material:

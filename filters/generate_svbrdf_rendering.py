@@ -71,7 +71,10 @@ def read_appearance(document: Document) -> list[Appearance]:
         table[identity] = color
     texels = document.texels()
     tints = texels.to_images(table[document.attribute("material")], 1.0)
-    detailed = document.has_array("texels_detail")
-    normals = texels.to_images(texels.normal) if detailed else [None] * len(tints)
+    normals: list[np.ndarray | None] = [None] * len(tints)
+    if "refined_normal" in document.attributes():
+        normals = [*texels.to_images(document.attribute("refined_normal"))]
+    elif document.has_array("texels_detail"):
+        normals = [*texels.to_images(texels.normal)]
     maps = (document.map("diffuse"), document.map("rho_s"), document.map("alpha"), tints, normals)
     return [Appearance(*each) for each in zip(*maps, strict=True)]

@@ -43,6 +43,7 @@ class Material:
     observed : whether the samples determine them; reason : if not, why
     z, width, explained : the evidence: ρ over its error, the interval of ln α, explained variance
     color : (3,) of the highlight, luminance 1; (1, 1, 1) is white
+    noise : robust standard deviation of the residuals, 0..100
     """
 
     rho_s: float
@@ -54,6 +55,7 @@ class Material:
     explained: float = 0.0
     color: tuple[float, float, float] = (1.0, 1.0, 1.0)
     texels: int = 0
+    noise: float = np.nan
 
 
 @dataclass(frozen=True)
@@ -306,5 +308,5 @@ def _judge(fitted: Profile, evidence: Evidence, noise: float, texels: int) -> Ma
         fitted.rho_s if observed else np.nan, fitted.alpha if observed else np.nan,
         observed, reason,
         float(evidence.z), width, float(evidence.explained),
-        highlight_color(evidence) if observed else (1.0, 1.0, 1.0), texels,
+        highlight_color(evidence) if observed else (1.0, 1.0, 1.0), texels, float(noise),
     )  # fmt: skip

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -99,6 +99,15 @@ def observe(
         np.zeros(count, np.int32) if sequence is None else np.asarray(sequence, np.int32),
         np.arange(count, dtype=np.int32) if order is None else np.asarray(order, np.int32),
     )  # fmt: skip
+
+
+def with_normals(observations: Observations, normal: np.ndarray) -> Observations:
+    """The same samples seen with other normals (T, 3), unit."""
+    return replace(
+        observations,
+        texels=replace(observations.texels, normal=normal),
+        view=observations.view._replace(normal=np.array(normal, np.float32)),
+    )
 
 
 @njit(cache=True, nogil=True)

@@ -1,0 +1,247 @@
+"""Normals corrected where the highlights say so: poor normals are the largest error of all.
+
+A texel's normal has two free angles. They are fitted to what the lobes leave unexplained of its
+samples, its diffuse term eliminated, with a Gaussian prior: a texel that shows no highlight keeps
+its normal. How large the corrections may be is chosen by the other half of the film, which the
+corrections have not seen. (Every other frame would not do: neighbouring frames share their errors.)
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numba import njit
+
+from ..samples.observations import (
+    Observations,
+    sample_luminance,
+    sample_quality,
+)
+from .fit_samples import is_clipped
+from .lights import Light
+from .phong import lamps, light_texel
+
+SIGMAS = np.radians([0.25, 0.5, 1.0, 2.0, 4.0])
+"""Priors tried: standard deviation of a normal's error per angle, radians."""
+WORTHWHILE = 0.03
+"""Share of the residual's variance on unseen samples that corrections must take away."""
+STEPS = 4
+ALL, FIRST, SECOND = 0, 1, 2
+
+
+@dataclass(frozen=True)
+class NormalRefinement:
+    """What came of it.
+
+    normal : (T, 3) float32, unit; sigma : the prior chosen, radians, 0 where normals are kept
+    gain : share of the residual's variance that it takes from unseen samples
+    turned : median angle of the corrections of the texels that show a highlight, radians
+    """
+
+    normal: np.ndarray
+    sigma: float
+    gain: float
+    turned: float
+
+
+@njit(cache=True, nogil=True)
+def _predict(block, view, t, first, n, rays, gains, rho, alpha, e, slope, s, normal):
+    """Per sample: lobe, residual y − S, and dS/d(normal) as a 3-vector."""
+    for j in range(n):
+        f = block.frame[first + j]
+        vx = view.eyes[f, 0] - view.position[t, 0]
+        vy = view.eyes[f, 1] - view.position[t, 1]
+        vz = view.eyes[f, 2] - view.position[t, 2]
+        scale = 1.0 / np.sqrt(vx * vx + vy * vy + vz * vz)
+        vx, vy, vz = vx * scale, vy * scale, vz * scale
+        nv = normal[0] * vx + normal[1] * vy + normal[2] * vz
+        x = 2.0 * nv * normal[0] - vx
+        y = 2.0 * nv * normal[1] - vy
+        z = 2.0 * nv * normal[2] - vz
+        total, dx, dy, dz = 0.0, 0.0, 0.0, 0.0
+        for k in range(len(gains)):
+            if gains[k] <= 0:
+                continue
+            cos = rays[k, 0] * x + rays[k, 1] * y + rays[k, 2] * z
+            if cos <= 0.01:
+                continue
+            exponent = alpha * np.log(min(cos, 1.0))
+            if exponent < -12.0:
+                continue
+            lobe = rho * gains[k] * np.exp(exponent)
+            total += lobe
+            # dr = 2 (δ·v) n + 2 (n·v) δ, so d(l·r) = 2 δ·((l·n) v + (n·v) l)
+            ln = rays[k, 0] * normal[0] + rays[k, 1] * normal[1] + rays[k, 2] * normal[2]
+            a = 2.0 * lobe * alpha / cos
+            dx += a * (ln * vx + nv * rays[k, 0])
+            dy += a * (ln * vy + nv * rays[k, 1])
+            dz += a * (ln * vz + nv * rays[k, 2])
+        s[j], slope[j, 0], slope[j, 1], slope[j, 2] = total, dx, dy, dz
+        e[j] = sample_luminance(block, view, first + j) - total
+
+
+@njit(cache=True, nogil=True)
+def _weigh(block, view, first, n, half, e, s, h0, w):
+    """q · huber of the residuals about their median; the other half of the film gets 0."""
+    center = np.median(e[:n])
+    for j in range(n):
+        w[j] = 0.0
+        if half != ALL and (2 * j < n) != (half == FIRST):
+            continue
+        d = e[j] - center
+        if is_clipped(block, view, first + j) and d <= 0:
+            continue
+        w[j] = sample_quality(block, first + j) * min(1.0, (h0 + 0.2 * s[j]) / max(abs(d), 1e-9))
+
+
+@njit(cache=True, nogil=True)
+def _variance(e, w, n):
+    """Weighted sum of squares of e about its weighted mean."""
+    sw, se, see = 0.0, 0.0, 0.0
+    for j in range(n):
+        sw, se, see = sw + w[j], se + w[j] * e[j], see + w[j] * e[j] * e[j]
+    return see - se * se / sw if sw > 0 else 0.0
+
+
+@njit(cache=True, nogil=True)
+def _refine(block, view, stride, material, rho, alpha, noise, bulbs, sigma, half, normals, sums):
+    """Correct the normals of every `stride`-th texel; sums: residual on the other half before and
+    after, and how many texels show a highlight."""
+    count = len(bulbs.gain)
+    rays, gains = np.empty((count, 3), np.float32), np.empty(count, np.float32)
+    coefficients = np.empty(36, np.float32)
+    longest = 0
+    for i in range(block.stop - block.first):
+        longest = max(longest, block.offsets[i + 1] - block.offsets[i])
+    e, s, w, test = np.empty(longest), np.empty(longest), np.empty(longest), np.empty(longest)
+    slope, mean = np.empty((longest, 3)), np.empty(2)
+    normal, start = np.empty(3), np.empty(3)
+    u, v = np.empty(3), np.empty(3)
+    for i in range(block.stop - block.first):
+        t, first = block.first + i, block.offsets[i]
+        n = block.offsets[i + 1] - first
+        m = material[t]
+        if t % stride != 0 or m < 0 or not rho[m] > 0 or n < 16:
+            continue
+        light_texel(view, t, bulbs, coefficients, rays, gains)
+        for c in range(3):
+            start[c] = normal[c] = view.normal[t, c]
+        _predict(block, view, t, first, n, rays, gains, rho[m], alpha[m], e, slope, s, normal)
+        if s[:n].max() < 3.0 * noise[m]:
+            continue
+        h0 = 1.68 / 1.48 * noise[m]
+        if half != ALL:
+            _weigh(block, view, first, n, SECOND, e, s, h0, test)
+            before = _variance(e, test, n)
+        for _ in range(STEPS):
+            # Span the tangent plane, and solve for two angles with each texel's D eliminated
+            if abs(normal[2]) < 0.9:
+                u[0], u[1], u[2] = -normal[1], normal[0], 0.0
+            else:
+                u[0], u[1], u[2] = 0.0, -normal[2], normal[1]
+            u /= np.sqrt((u * u).sum())
+            v[0] = normal[1] * u[2] - normal[2] * u[1]
+            v[1] = normal[2] * u[0] - normal[0] * u[2]
+            v[2] = normal[0] * u[1] - normal[1] * u[0]
+            _weigh(block, view, first, n, half, e, s, h0, w)
+            sw, se, a, b, c = 0.0, 0.0, 0.0, 0.0, 0.0
+            g0, g1 = 0.0, 0.0
+            mean[:] = 0.0
+            for j in range(n):
+                p = slope[j, 0] * u[0] + slope[j, 1] * u[1] + slope[j, 2] * u[2]
+                q = slope[j, 0] * v[0] + slope[j, 1] * v[1] + slope[j, 2] * v[2]
+                sw, se = sw + w[j], se + w[j] * e[j]
+                mean[0] += w[j] * p
+                mean[1] += w[j] * q
+                a, b, c = a + w[j] * p * p, b + w[j] * p * q, c + w[j] * q * q
+                g0, g1 = g0 + w[j] * p * e[j], g1 + w[j] * q * e[j]
+            if not sw > 0:
+                break
+            prior = (noise[m] / sigma) ** 2
+            away_u = ((normal - start) * u).sum()
+            away_v = ((normal - start) * v).sum()
+            a += prior - mean[0] * mean[0] / sw
+            b -= mean[0] * mean[1] / sw
+            c += prior - mean[1] * mean[1] / sw
+            g0 -= mean[0] * se / sw + prior * away_u
+            g1 -= mean[1] * se / sw + prior * away_v
+            det = a * c - b * b
+            if not det > 0:
+                break
+            du, dv = (c * g0 - b * g1) / det, (a * g1 - b * g0) / det
+            length = np.sqrt(du * du + dv * dv)
+            if length > sigma:
+                du, dv = du * sigma / length, dv * sigma / length
+            normal += du * u + dv * v
+            normal /= np.sqrt((normal * normal).sum())
+            away = normal - start
+            length = np.sqrt((away * away).sum())
+            if length > 2.0 * sigma:
+                normal = start + away * (2.0 * sigma / length)
+                normal /= np.sqrt((normal * normal).sum())
+            _predict(block, view, t, first, n, rays, gains, rho[m], alpha[m], e, slope, s, normal)
+        if half != ALL:
+            sums[0] += before
+            sums[1] += _variance(e, test, n)
+        sums[2] += 1
+        for c3 in range(3):
+            normals[t, c3] = normal[c3]
+
+
+def refine_normals(
+    observations: Observations,
+    material: np.ndarray,
+    rho_s: np.ndarray,
+    alpha: np.ndarray,
+    noise: np.ndarray,
+    lights: list[Light],
+    *,
+    trial_texels: int = 8_000,
+    progress=lambda done, total: None,
+) -> NormalRefinement:
+    """Correct the texels' normals, if that predicts samples that the corrections have not seen.
+
+    Parameters
+    ----------
+    material : (T,) int32, -1 for none
+    rho_s, alpha, noise : (M,) of the materials, 0..100, NaN where unobserved; noise is the robust
+        standard deviation of the residuals
+    trial_texels : about how many texels the prior is chosen on: half of their samples correct, the
+        other half judge
+    """
+    view, count = observations.view, len(observations.texels)
+    bulbs = lamps(lights, observations.texels.radius)
+    rho = np.nan_to_num(np.asarray(rho_s, np.float64))
+    shininess = np.nan_to_num(np.asarray(alpha, np.float64), nan=1.0)
+    kept = NormalRefinement(view.normal, 0.0, 0.0, 0.0)
+    if not (rho > 0).any():
+        return kept
+
+    def run(stride: int, sigma: float, half: int, tell) -> tuple[np.ndarray, np.ndarray]:
+        normals = view.normal.copy()
+
+        def work(block):
+            sums = np.zeros(3)
+            _refine(
+                block, view, stride, material, rho, shininess, np.asarray(noise, np.float64), bulbs,
+                sigma, half, normals, sums,
+            )  # fmt: skip
+            return sums
+
+        return normals, sum(observations.store.map(work, tell), np.zeros(3))
+
+    # Raise the prior as long as the other half of the film is predicted better
+    stride, best, gain = max(1, count // trial_texels), 0.0, 0.0
+    for sigma in SIGMAS:
+        before, after, _ = run(stride, sigma, FIRST, lambda d, t: None)[1]
+        took = 1 - after / before if before > 0 else 0.0
+        if took <= gain:
+            break
+        best, gain = float(sigma), float(took)
+    if gain < WORTHWHILE:
+        return replace(kept, gain=gain)
+    normals, _ = run(1, best, ALL, progress)
+    chord = np.linalg.norm(normals - view.normal, axis=1)
+    turned = float(np.median(chord[chord > 0])) if (chord > 0).any() else 0.0
+    return NormalRefinement(normals, best, gain, turned)
