@@ -53,8 +53,8 @@ FILTER = Filter(
         ),
         Parameter(
             "normals", "enum", "auto", choices=("auto", "keep"),
-            help="Correct the normals where highlights say so and the other half of the film agrees, "
-            "or keep them.",
+            help="Correct the normals where highlights say so and the other half of the film "
+            "agrees, or keep them.",
         ),
         Parameter(
             "density", "enum", "log", choices=("log", "linear"),
@@ -141,8 +141,8 @@ def _joint(document, labels, lights, diffuse, parameters: Namespace, progress: P
         if better.sigma == 0:
             break
         notes.append(
-            f"normals corrected by {np.degrees(better.turned):.2f}°, which takes {better.gain:.0%} of "
-            "the error from unseen samples"
+            f"normals corrected by {np.degrees(better.turned):.2f}°, which takes {better.gain:.0%} "
+            "of the error from unseen samples"
         )
         observations = with_normals(observations, better.normal)
     diffuse = refit_diffuse(
