@@ -144,20 +144,32 @@ def _surface(mesh: Mesh, bsdf: dict) -> mi.Mesh:
 
 
 def _bsdf(maps: Maps, variant: Variant) -> dict:
-    materials = variant.materials
-
-    def per_material(values: list) -> dict:
-        """A map of constants, with sharp borders between materials."""
-        image = np.array(values, np.float32)[maps.material]
-        return _texture(image.reshape(*maps.material.shape, -1), "nearest")
-
+    """All Phong materials as one BSDF with maps, each other one blended over it by a mask."""
     albedo = _texture(maps.albedo.astype(np.float32), "bilinear")
-    return {
+
+    def per_material(values: list[float]) -> dict:
+        return _texture(np.array(values, np.float32)[maps.material], "nearest")
+
+    bsdf: dict = {
         "type": "svbrdf_phong",
         "albedo": albedo,
-        "rho_s": per_material([m.rho_s for m in materials]),
-        "alpha": per_material([m.alpha for m in materials]),
+        "rho_s": per_material([m.rho_s or 0.0 for m in variant.materials]),
+        "alpha": per_material([m.alpha or 1.0 for m in variant.materials]),
     }
+    for k, material in enumerate(variant.materials):
+        if material.plastic is not None:
+            other = {
+                "type": "roughplastic",
+                "alpha": material.plastic,
+                "diffuse_reflectance": albedo,
+            }
+        elif material.gold is not None:
+            other = {"type": "roughconductor", "alpha": material.gold, "material": "Au"}
+        else:
+            continue
+        mask = per_material([float(k == i) for i in range(len(variant.materials))])
+        bsdf = {"type": "blendbsdf", "weight": mask, "first": bsdf, "second": other}
+    return bsdf
 
 
 def _texture(image: np.ndarray, filter_type: str) -> dict:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import math
 import warnings
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -79,6 +80,8 @@ def diffuse(result: Path, truth: Path) -> Scores:
     weight = _shrink(valid.astype(float), size)
     mean = _shrink(np.where(valid[..., None], found, 0), size)
     seen = inside & (weight > 0.5)
+    if not seen.any():
+        return {"coverage": None, "dE_mean": None, "dE_median": None, "dE_p95": None}
     error = colour.delta_E(_lab(mean[seen] / weight[seen][:, None]), _lab(shaded[seen]))
     return {
         "coverage": float(seen.sum() / inside.sum()),
@@ -89,13 +92,11 @@ def diffuse(result: Path, truth: Path) -> Scores:
 
 
 def materials(result: Path, truth: Path) -> Scores:
-    """Per true material: ln of estimate over truth, where the truth has any gloss.
+    """Per true material: ln of estimate over truth, where the truth is a Phong lobe.
 
     A material that is unobserved on more than half of its texels is infinitely wrong.
     """
     described = _json(truth / "materials.json")["materials"]
-    if any(m["rho_s"] is None for m in described):
-        return {"materials": [], "ln_rho_s_worst": None, "ln_alpha_worst": None}
     emitters = _json(truth / "lights.json")["emitters"]
     parts = [np.mean(np.radians(e["half_extent_deg"]) ** 2) / _DIVISOR[e["kind"]] for e in emitters]
     variance = float(np.mean(parts))
@@ -110,7 +111,7 @@ def materials(result: Path, truth: Path) -> Scores:
         rows.append(row)
         if row["observed"] >= 0.5:
             row |= {"rho_s": float(np.median(rho_s[seen])), "alpha": float(np.median(alpha[seen]))}
-        if m["rho_s"] == 0:
+        if not m["rho_s"]:
             continue
         alpha_true = 1 / (1 / m["alpha"] + variance)
         rho_true = m["rho_s"] * gain * alpha_true / m["alpha"]
@@ -120,9 +121,13 @@ def materials(result: Path, truth: Path) -> Scores:
     glossy = [row for row in rows if "ln_rho_s" in row]
     return {
         "materials": rows,
-        "ln_rho_s_worst": max((row["ln_rho_s"] for row in glossy), key=abs),
-        "ln_alpha_worst": max((row["ln_alpha"] for row in glossy), key=abs),
+        "ln_rho_s_worst": _worst(row["ln_rho_s"] for row in glossy),
+        "ln_alpha_worst": _worst(row["ln_alpha"] for row in glossy),
     }
+
+
+def _worst(errors: Iterable[float]) -> float | None:
+    return max(errors, key=abs, default=None)
 
 
 _DIVISOR = {"disk": 4, "rectangle": 3}  # a uniform disk's variance is r²/4, a bar's a²/3

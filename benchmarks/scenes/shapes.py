@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.interpolate import PchipInterpolator
 
 from meshlab_svbrdf.geometry.mesh import Mesh
 from sample_projects.procedural.shape import totem
@@ -15,7 +16,7 @@ def make_shape(name: str, detail: int, coarse: float, seed: int) -> tuple[Mesh, 
 
     Both are the same parametric surface, their charts the same: texture maps of one fit the other.
     """
-    make = {"bumpy": _bumpy, "vessel": _vessel}[name]
+    make = {"bumpy": _bumpy, "vessel": _vessel, "bowl": _bowl, "knot": _knot}[name]
     fine = make(detail, seed)
     return _centred(fine, fine), _centred(make(max(4, round(detail / coarse**0.5)), seed), fine)
 
@@ -77,6 +78,48 @@ def _bumpy(detail: int, seed: int) -> Mesh:
         points = way * (1 + bumps.sum(-1, keepdims=True))
         patches.append(_patch(points, (k % 3 / 3, k // 3 / 2, 1 / 3, 1 / 2)))
     return _weld(patches)
+
+
+def _bowl(detail: int, seed: int) -> Mesh:
+    """A deep bowl with a thick wall, turned: its outside one chart, its inside the other."""
+    wall = np.array([(0, 0), (0.34, 0), (0.62, 0.12), (0.85, 0.40), (0.97, 0.74), (1, 0.98)])
+    hollow = np.array([(1, 0.98), (0.95, 1.02), (0.89, 0.95), (0.84, 0.72), (0.72, 0.42),
+                       (0.5, 0.22), (0.25, 0.14), (0, 0.13)])  # fmt: skip
+    angle = np.linspace(0, 2 * np.pi, 3 * detail + 1)
+    angle[-1] = 0
+    patches = []
+    for k, profile in enumerate((wall, hollow)):
+        chord = np.concatenate([[0], np.linalg.norm(np.diff(profile, axis=0), axis=1).cumsum()])
+        along = PchipInterpolator(chord, profile)(np.linspace(0, chord[-1], detail + 1))
+        radius, height = along[:, :1], along[:, 1:]
+        points = [radius * np.cos(angle), height + 0 * angle, -radius * np.sin(angle)]
+        patches.append(_patch(np.stack(points, -1), (0, k / 2, 1, 1 / 2)))
+    return _weld(patches)
+
+
+def _knot(detail: int, seed: int) -> Mesh:
+    """A tube along the (2, 3) torus knot: a surface that shadows itself from all sides."""
+    t = np.linspace(0, 2 * np.pi, 6 * (detail // 2) * 2 + 1)[:, None]
+    core = 2 * np.concatenate([np.cos(2 * t), 0 * t, np.sin(2 * t)], 1)
+    line = core * (1 + np.cos(3 * t) / 2) + np.sin(3 * t) * [0, 1, 0]
+    along = np.gradient(line, axis=0)
+    along[[0, -1]] = line[1] - line[-2]
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    n = line - core
+    n -= (n * along).sum(1, keepdims=True) * along
+    n /= np.linalg.norm(n, axis=1, keepdims=True)
+    b = np.cross(along, n)
+    around = np.linspace(0, 2 * np.pi, detail + 1)[:, None]
+    around[-1] = 0
+    points = line[:, None] + 0.55 * (np.cos(around) * n[:, None] + np.sin(around) * b[:, None])
+    points[-1] = points[0]
+    rows = (len(points) - 1) // 12
+    return _weld(
+        [
+            _patch(points[k * rows : (k + 1) * rows + 1], (k % 3 / 3, k // 3 / 4, 1 / 3, 1 / 4))
+            for k in range(12)
+        ]
+    )
 
 
 def _vessel(detail: int, seed: int) -> Mesh:

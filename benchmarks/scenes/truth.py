@@ -33,7 +33,7 @@ def write_truth(
     write_png(folder / "albedo.png", maps.albedo_code)
     write_png(folder / "material_id.png", maps.material)
     write_png(folder / "texel_mask.png", np.where(mask, 255, 0).astype(np.uint8))
-    write_exr(folder / "diffuse_shaded.exr", exposure * shaded(renderer, surface))
+    write_exr(folder / "diffuse_shaded.exr", exposure * shaded(renderer, surface, maps))
     write_exr(folder / "env.exr", exposure * environment(variant, world))
     write_json(folder / "lights.json", _lights(variant, exposure, world))
     materials = [
@@ -47,11 +47,17 @@ def write_truth(
         }
         for index, m in enumerate(variant.materials)
     ]
-    write_json(folder / "materials.json", {"bsdf": variant.model, "materials": materials})
+    phong = all(m.rho_s is not None for m in variant.materials)
+    write_json(
+        folder / "materials.json",
+        {"bsdf": "phong" if phong else "mixed", "materials": materials},
+    )
 
 
-def shaded(renderer: Renderer, surface: Surface) -> np.ndarray:
-    """Albedo times irradiance over π, shadows included: each texel's mean, NaN off the charts.
+def shaded(renderer: Renderer, surface: Surface, maps: Maps) -> np.ndarray:
+    """Albedo times irradiance over π, shadows included: each texel's mean.
+
+    NaN off the charts, and where the material is not Phong's: its diffuse part depends on the view.
 
     Returns (S/2, S/2, 3) linear, before exposure.
     """
@@ -68,7 +74,10 @@ def shaded(renderer: Renderer, surface: Surface) -> np.ndarray:
         light = renderer.irradiance(position, normal, facet, SHADOW_RAYS, 1000 + k)
         total[on] += albedo * light[:, None]
         hits[on] += 1
-    return np.divide(total, hits, out=np.full_like(total, np.nan), where=hits > 0)
+    image = np.divide(total, hits, out=np.full_like(total, np.nan), where=hits > 0)
+    known = np.array([m.rho_s is not None for m in renderer.variant.materials])[maps.material]
+    image[~known.reshape(size, 2, size, 2).all((1, 3))] = np.nan
+    return image
 
 
 def environment(variant: Variant, world: np.ndarray, height: int = 128) -> np.ndarray:

@@ -64,8 +64,8 @@ class Lamp:
 class Material:
     """Colours are linear albedos, mixed by a cloudy pattern.
 
-    rho_s, alpha : the paper's lobe; None where the truth is none of that
-    roughness, specular_color : of the truths that Phong only approximates
+    rho_s, alpha : the paper's lobe; None for materials that Phong only approximates
+    plastic, gold : roughness (Beckmann) of a dielectric layer over the colour, or of gold
     """
 
     name: str
@@ -73,8 +73,8 @@ class Material:
     alpha: float | None
     dark: tuple[float, float, float]
     bright: tuple[float, float, float]
-    roughness: float = 0.2
-    specular_color: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    plastic: float | None = None
+    gold: float | None = None
 
 
 @dataclass(frozen=True)
@@ -83,14 +83,13 @@ class Variant:
 
     shape : bumpy, vessel, bowl or knot; detail : of its mesh, about quads along one axis
     coarse : the project's mesh has this factor less triangles than the one rendered
-    model : phong, roughplastic or conductor
     ambient : radiance from everywhere, relative to a lamp of intensity 1
     arc : degrees that each of the two orbits sweeps; elevations : degrees, of the orbits
     clipped : share of the object's pixels that the exposure clips
     noise : standard deviation in code values; quality : of the JPEG files
     pose_error : pixels, standard deviation on the object, in the project only
     exposure : frames' exposures vary by about ± this much in ln; exif : whether they say so
-    depth : path vertices; 2 is direct light
+    depth : path length; 2 is direct light (the truth of the diffuse colour is direct light's)
     offset : where the object stands in the world, along all axes; z_up : its up is the world's +Z
     """
 
@@ -99,7 +98,6 @@ class Variant:
     shape: str
     lamps: tuple[Lamp, ...]
     materials: tuple[Material, ...]
-    model: str = "phong"
     ambient: float = 0.08
     detail: int = 40
     coarse: float = 1.0
