@@ -23,8 +23,9 @@ from rich.table import Table
 from meshlab_svbrdf.document.mesh_files import read_mesh
 
 from .scenes.catalogue import SCENES
+from .scenes.ceiling import render_truth
 from .scenes.make import cache_folder, ensure_scene
-from .scenes.score import Scores, score
+from .scenes.score import Scores, score, unseen_views
 
 ESTIMATORS = ("joint", "paper")
 COLUMNS = (  # of the table: heading, figure, format
@@ -59,6 +60,15 @@ def run(project: Path, estimator: str, out: Path, texture: int, segmentation: st
     _shell("render", str(result), "--cameras", str(cameras), "-o", str(rendered))
     center = read_mesh(project.parent / "mesh.ply").mesh.center
     return score(result.with_suffix(".svbrdf"), truth, rendered, center) | {"seconds": seconds}
+
+
+def ceiling(project: Path) -> Scores:
+    """Figures of the held-out views rendered from the truth."""
+    truth = project.parent / "ground_truth"
+    with tempfile.TemporaryDirectory() as temporary:
+        rendered = Path(temporary) / "views"
+        render_truth(truth, rendered)
+        return unseen_views(rendered, truth / "views")
 
 
 def _shell(*arguments: str) -> None:
@@ -98,7 +108,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as temporary:
         for name in arguments.scene or SCENES:
             project = ensure_scene(SCENES[name], arguments.cache)
-            results[name] = {}
+            results[name] = {"truth": ceiling(project)}
             for estimator in [arguments.only] if arguments.only else ESTIMATORS:
                 out = (arguments.out or Path(temporary)) / f"{name}.{estimator}"
                 results[name][estimator] = run(

@@ -33,7 +33,7 @@ from .shapes import make_shape
 from .truth import write_json, write_truth
 from .variant import Variant
 
-VERSION = 1  # of the generator: change it when equal variants no longer give equal files
+VERSION = 2  # of the generator: change it when equal variants no longer give equal files
 BACKGROUND = 0.136  # linear: a grey backdrop, 103 of 255
 VIEW_SAMPLES = 48
 

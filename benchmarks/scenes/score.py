@@ -25,6 +25,7 @@ with warnings.catch_warnings():
     import colour
 
 SAME_LIGHT = 10.0  # degrees
+DIVISOR = {"disk": 4, "rectangle": 3}  # a uniform disk's variance is r²/4, a bar's a²/3
 Scores = dict[str, Any]
 
 
@@ -97,14 +98,11 @@ def materials(result: Path, truth: Path) -> Scores:
     A material that is unobserved on more than half of its texels is infinitely wrong.
     """
     described = _json(truth / "materials.json")["materials"]
-    emitters = _json(truth / "lights.json")["emitters"]
-    parts = [np.mean(np.radians(e["half_extent_deg"]) ** 2) / _DIVISOR[e["kind"]] for e in emitters]
-    variance = float(np.mean(parts))
-    gain = float(np.exp(np.mean([np.log(np.mean(e["phong_intensity"])) for e in emitters])))
+    lobes, _ = seen_lobes(truth)
     rho_s, alpha = (read_exr(result / "maps" / f"{name}.exr") for name in ("rho_s", "alpha"))
     ids, inside = _like(rho_s, truth)
     rows = []
-    for m in described:
+    for m, (rho_true, alpha_true) in zip(described, lobes, strict=True):
         own = cv2.erode(((ids == m["id"]) & inside).astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
         seen = own & np.isfinite(rho_s) & np.isfinite(alpha) & (rho_s > 0)
         row: Scores = {"name": m["name"], "observed": float(seen.sum() / max(own.sum(), 1))}
@@ -113,8 +111,6 @@ def materials(result: Path, truth: Path) -> Scores:
             row |= {"rho_s": float(np.median(rho_s[seen])), "alpha": float(np.median(alpha[seen]))}
         if not m["rho_s"]:
             continue
-        alpha_true = 1 / (1 / m["alpha"] + variance)
-        rho_true = m["rho_s"] * gain * alpha_true / m["alpha"]
         row |= {"rho_s_true": rho_true, "alpha_true": alpha_true}
         row["ln_rho_s"] = math.log(row["rho_s"] / rho_true) if "rho_s" in row else math.inf
         row["ln_alpha"] = math.log(row["alpha"] / alpha_true) if "alpha" in row else math.inf
@@ -126,11 +122,24 @@ def materials(result: Path, truth: Path) -> Scores:
     }
 
 
+def seen_lobes(truth: Path) -> tuple[list[tuple[float, float]], float]:
+    """Each material's true (ρs, α) as seen, for a light of gain 1, and the intensity of such a one.
+
+    ρs is 0 where there is no lobe of Phong's.
+    """
+    emitters = _json(truth / "lights.json")["emitters"]
+    parts = [np.mean(np.radians(e["half_extent_deg"]) ** 2) / DIVISOR[e["kind"]] for e in emitters]
+    gain = float(np.exp(np.mean([np.log(np.mean(e["phong_intensity"])) for e in emitters])))
+    lobes = []
+    for m in _json(truth / "materials.json")["materials"]:
+        alpha = m["alpha"] or 1.0
+        seen = 1 / (1 / alpha + float(np.mean(parts)))
+        lobes.append(((m["rho_s"] or 0.0) * gain * seen / alpha, seen))
+    return lobes, gain
+
+
 def _worst(errors: Iterable[float]) -> float | None:
     return max(errors, key=abs, default=None)
-
-
-_DIVISOR = {"disk": 4, "rectangle": 3}  # a uniform disk's variance is r²/4, a bar's a²/3
 
 
 def clusters(result: Path, truth: Path) -> Scores:

@@ -18,7 +18,7 @@ from .paint import Maps
 from .renderer import Renderer
 from .variant import Variant
 
-SUBTEXELS, SHADOW_RAYS = 4, 8
+SUBTEXELS, SHADOW_RAYS = 2, 8
 
 
 def write_truth(
@@ -33,7 +33,10 @@ def write_truth(
     write_png(folder / "albedo.png", maps.albedo_code)
     write_png(folder / "material_id.png", maps.material)
     write_png(folder / "texel_mask.png", np.where(mask, 255, 0).astype(np.uint8))
-    write_exr(folder / "diffuse_shaded.exr", exposure * shaded(renderer, surface, maps))
+    diffuse = exposure * shaded(renderer, surface, maps)
+    write_exr(folder / "diffuse_full.exr", diffuse)
+    half = variant.texture // 2
+    write_exr(folder / "diffuse_shaded.exr", diffuse.reshape(half, 2, half, 2, 3).mean((1, 3)))
     write_exr(folder / "env.exr", exposure * environment(variant, world))
     write_json(folder / "lights.json", _lights(variant, exposure, world))
     materials = [
@@ -59,9 +62,9 @@ def shaded(renderer: Renderer, surface: Surface, maps: Maps) -> np.ndarray:
 
     NaN off the charts, and where the material is not Phong's: its diffuse part depends on the view.
 
-    Returns (S/2, S/2, 3) linear, before exposure.
+    Returns (S, S, 3) linear, before exposure.
     """
-    size = renderer.variant.texture // 2
+    size = renderer.variant.texture
     total, hits = np.zeros((size, size, 3)), np.zeros((size, size, 1))
     for k, (i, j) in enumerate(np.ndindex(SUBTEXELS, SUBTEXELS)):
         shift = (j + 0.5) / SUBTEXELS, (i + 0.5) / SUBTEXELS
@@ -76,7 +79,7 @@ def shaded(renderer: Renderer, surface: Surface, maps: Maps) -> np.ndarray:
         hits[on] += 1
     image = np.divide(total, hits, out=np.full_like(total, np.nan), where=hits > 0)
     known = np.array([m.rho_s is not None for m in renderer.variant.materials])[maps.material]
-    image[~known.reshape(size, 2, size, 2).all((1, 3))] = np.nan
+    image[~known] = np.nan
     return image
 
 
