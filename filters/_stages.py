@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from meshlab_svbrdf.document.document import Document
+from meshlab_svbrdf.geometry.visibility import Rays
 from meshlab_svbrdf.progress import Progress
 from meshlab_svbrdf.reflectance.lights import Light
 from meshlab_svbrdf.reflectance.threshold import LuminanceStatistics
@@ -14,8 +15,14 @@ from meshlab_svbrdf.samples.store import SampleStore
 UNOBSERVED_GREY = 118  # sRGB code of the texture where nothing was observed
 
 
-def read_observations(document: Document, *, visibility: bool = True) -> Observations:
-    """The samples with their frames' cameras and gains, and the visibility."""
+def read_observations(
+    document: Document, *, visibility: bool = True, rays: bool = False
+) -> Observations:
+    """The samples with their frames' cameras and gains, and the visibility.
+
+    rays : also with the mesh to shoot shadow rays at
+    """
+    mesh = document.mesh()
     cameras = {raster.label: raster.camera for raster in document.rasters}
     used = [frame["label"] for frame in document.json("frames")["frames"] if "samples" in frame]
     coefficients = document.array("visibility") if visibility else np.zeros((0, 36), np.float32)
@@ -23,11 +30,12 @@ def read_observations(document: Document, *, visibility: bool = True) -> Observa
         document.texels(),
         SampleStore(document.result_folder("samples")),
         [cameras[label] for label in used],
-        document.mesh().faces,
+        mesh.faces,
         gains=document.array("samples_gain"),
         coefficients=coefficients if len(coefficients) else None,
         sequence=document.array("samples_sequence"),
         order=document.array("samples_order"),
+        rays=Rays(mesh) if rays else None,
     )
 
 

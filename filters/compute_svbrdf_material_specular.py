@@ -52,6 +52,11 @@ FILTER = Filter(
             "0: none.",
         ),
         Parameter(
+            "shadows", "enum", "rays", choices=("rays", "harmonics"),
+            help="How it is told which light reaches a texel (joint): by a ray to each, or by the "
+            "harmonics of the visibility, which blur.",
+        ),
+        Parameter(
             "normals", "enum", "auto", choices=("auto", "keep"),
             help="Correct the normals where highlights say so and the other half of the film "
             "agrees, or keep them.",
@@ -117,7 +122,8 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
 
 def _joint(document, labels, lights, diffuse, parameters: Namespace, progress: Progress):
     """Materials, notes, lights, diffuse colour and, where they were refined, normals."""
-    observations, mesh, notes = read_observations(document), document.mesh(), []
+    observations = read_observations(document, rays=parameters.shadows == "rays")
+    mesh, notes = document.mesh(), []
     texels = observations.texels
     turn = np.einsum("tc,tc->t", texels.barycentric, normal_turn(mesh)[mesh.faces[texels.face]])
     start = lights

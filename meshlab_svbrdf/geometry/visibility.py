@@ -149,7 +149,7 @@ def needs_visibility(
 
 
 def directional_visibility(
-    mesh: Mesh,
+    surface: Mesh | Rays,
     points: np.ndarray,
     normals: np.ndarray,
     lights: Sequence[tuple[np.ndarray, np.ndarray | None]],
@@ -159,6 +159,7 @@ def directional_visibility(
 
     Parameters
     ----------
+    surface : the mesh, or the rays of it, to be used again
     points : (N, 3) world, on the surface
     normals : (N, 3) unit; a zero normal sees nothing
     lights : (direction, position): a unit vector away from the surface, and the world position of a
@@ -169,8 +170,8 @@ def directional_visibility(
     -------
     (N, L) bool
     """
-    rays = Rays(mesh)
-    origins = _off_surface(mesh, points, normals, offset)
+    rays = surface if isinstance(surface, Rays) else Rays(surface)
+    origins = _off_surface(rays, points, normals, offset)
     seen = np.zeros((len(points), len(lights)), dtype=bool)
 
     def shadow(light: int, some: slice) -> None:
@@ -223,5 +224,7 @@ def texel_coefficients(coefficients, faces, face, barycentric, out):
         )
 
 
-def _off_surface(mesh: Mesh, points: np.ndarray, normals: np.ndarray, offset: float) -> np.ndarray:
+def _off_surface(
+    mesh: Mesh | Rays, points: np.ndarray, normals: np.ndarray, offset: float
+) -> np.ndarray:
     return (points - mesh.center + offset * mesh.radius * normals).astype(np.float32)

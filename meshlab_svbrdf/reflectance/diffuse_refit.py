@@ -14,7 +14,7 @@ from ..samples.observations import (
 )
 from .fit_samples import is_clipped
 from .lights import Light
-from .phong import lamps, light_texel, lobe
+from .phong import cast_shadows, lamps, light_texel, lobe
 
 
 @njit(cache=True, nogil=True)
@@ -84,7 +84,10 @@ def refit_diffuse(
     rho_s, alpha : (M,), 0..100 and shininess; tint : (M, 3), the highlights' colours
     """
     out = diffuse.astype(np.float32).copy()
-    bulbs = lamps(lights, observations.texels.radius)
+    everywhere = np.arange(len(observations.texels))
+    bulbs = lamps(
+        lights, observations.texels.radius, cast_shadows(observations, everywhere, lights)
+    )
     rho = np.nan_to_num(np.asarray(rho_s, np.float64))
     shininess = np.nan_to_num(np.asarray(alpha, np.float64), nan=1.0)
 

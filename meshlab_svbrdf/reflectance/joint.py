@@ -21,7 +21,7 @@ from .evidence import Evidence, highlight_color, verdict, weigh_evidence
 from .fit_samples import FitSamples, choose_texels, collect
 from .light_refinement import refine_lights
 from .lights import Light
-from .phong import Lamps, lamps, light_texels, lobe
+from .phong import cast_shadows, lamps, light_texels, lobe
 
 FIRST_ALPHA = 100.0
 """Shininess that texels are flat enough for at least; the first rounds know no better."""
@@ -29,6 +29,9 @@ FARTHEST = 0.01
 """κ below which a light is far: it stands a hundred radii away."""
 WEAKEST = 0.05
 """Of the strongest gain, below which a light is none."""
+FLATTER = 0.5
+"""Of the curvature that the lights are refined with: what ρs and α are taken from in the end.
+Lights need many texels, lobes need flat ones."""
 SETTLE = 3
 """The round after which it is decided which lights there are, and which of them are far."""
 STILL = 1e-3
@@ -142,16 +145,17 @@ class _State:
         materials: int,
         pool: ThreadPoolExecutor,
     ):
-        self.view, self.samples, self.materials = observations.view, samples, materials
+        self.observations, self.samples, self.materials = observations, samples, materials
         self.position = observations.view.position[samples.texel]
         self.chunks = _Chunks(len(samples.texel), pool)
         self.weight = np.where(samples.clipped, 0, samples.quality).astype(np.float32)
         self.specular = np.zeros(len(samples), np.float32)
         self.residual = np.zeros(len(samples), np.float32)
 
-    def light(self, bulbs: Lamps) -> None:
-        self.lamps = bulbs
-        self.rays, self.gains = light_texels(self.view, self.samples.texel, bulbs)
+    def light(self, lights: list[Light]) -> None:
+        texels, own = self.samples.texel, self.observations
+        self.lamps = lamps(lights, own.texels.radius, cast_shadows(own, texels, lights))
+        self.rays, self.gains = light_texels(own.view, texels, self.lamps)
 
     def profiles(self) -> list[Profile]:
         sums = eliminate(
@@ -216,14 +220,15 @@ def fit(
     def gather(
         pool: ThreadPoolExecutor,
         budget: int,
+        flatness: float = curvature,
         offset: int = 0,
         without: Sequence[int] | np.ndarray = (),
     ) -> _State:
         shiny = np.sqrt(np.maximum(alpha, FIRST_ALPHA))
-        limits = curvature / shiny / (2 * footprint) if curvature > 0 else shiny + np.inf
+        limits = flatness / shiny / (2 * footprint) if flatness > 0 else shiny + np.inf
         chosen, lacking = choose_texels(material, counts, turn, limits, budget, offset)
         note = f"materials {lacking}: hardly any of the surface is flat enough to tell"
-        if lacking and note not in notes:
+        if lacking and flatness == curvature and note not in notes:
             notes.append(note)
         chosen = np.setdiff1d(chosen, without)
         return _State(observations, collect(observations, chosen, material[chosen]), count, pool)
@@ -232,11 +237,11 @@ def fit(
         state = gather(pool, samples)
         free = np.full(len(lights), near)
         for r in range(rounds):
-            state.light(lamps(lights, observations.texels.radius))
+            state.light(lights)
             if r == 2:
                 # Choose the texels anew, now that it is known how flat they must be
                 state = gather(pool, samples)
-                state.light(lamps(lights, observations.texels.radius))
+                state.light(lights)
                 state.predict(rho, alpha)
                 state.reweigh(censoring)
             # Find ρs and α of every material under the present lights
@@ -258,9 +263,18 @@ def fit(
             if r == min(SETTLE, rounds - 1):
                 lights, free = _settle(lights, free, error, notes)
             progress(r + 1, rounds)
+        # Now that the lights are known, take ρs and α from the flattest texels
+        state = gather(pool, samples, FLATTER * curvature)
+        state.light(lights)
+        for _ in range(2):
+            state.predict(rho, alpha)
+            state.reweigh(censoring)
+            profiles = state.profiles()
+            rho = np.array([p.rho_s for p in profiles])
+            alpha = np.array([p.alpha for p in profiles])
         # Judge by texels that the fit has not used whether it explains anything
         test = gather(pool, samples // 4, offset=1, without=state.samples.texel)
-        test.light(state.lamps)
+        test.light(lights)
         test.predict(rho, alpha)
         noise = _huber_scale(state.samples, state.residual, state.weight, count) / 1.68 * 1.48
         evidence = weigh_evidence(

@@ -20,7 +20,7 @@ from ..samples.observations import (
 )
 from .fit_samples import is_clipped
 from .lights import Light
-from .phong import lamps, light_texel
+from .phong import cast_shadows, lamps, light_texel
 
 SIGMAS = np.radians([0.25, 0.5, 1.0, 2.0, 4.0])
 """Priors tried: standard deviation of a normal's error per angle, radians."""
@@ -125,8 +125,8 @@ def _refine(block, view, stride, material, rho, alpha, noise, bulbs, sigma, half
         if t % stride != 0 or m < 0 or not rho[m] > 0 or n < 16:
             continue
         light_texel(view, t, bulbs, coefficients, rays, gains)
-        for c in range(3):
-            start[c] = normal[c] = view.normal[t, c]
+        for axis in range(3):
+            start[axis] = normal[axis] = view.normal[t, axis]
         _predict(block, view, t, first, n, rays, gains, rho[m], alpha[m], e, slope, s, normal)
         if s[:n].max() < 3.0 * noise[m]:
             continue
@@ -145,8 +145,7 @@ def _refine(block, view, stride, material, rho, alpha, noise, bulbs, sigma, half
             v[1] = normal[2] * u[0] - normal[0] * u[2]
             v[2] = normal[0] * u[1] - normal[1] * u[0]
             _weigh(block, view, first, n, half, e, s, h0, w)
-            sw, se, a, b, c = 0.0, 0.0, 0.0, 0.0, 0.0
-            g0, g1 = 0.0, 0.0
+            sw, se, a, b, c, g0, g1 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
             mean[:] = 0.0
             for j in range(n):
                 p = slope[j, 0] * u[0] + slope[j, 1] * u[1] + slope[j, 2] * u[2]
@@ -185,8 +184,8 @@ def _refine(block, view, stride, material, rho, alpha, noise, bulbs, sigma, half
             sums[0] += before
             sums[1] += _variance(e, test, n)
         sums[2] += 1
-        for c3 in range(3):
-            normals[t, c3] = normal[c3]
+        for axis in range(3):
+            normals[t, axis] = normal[axis]
 
 
 def refine_normals(
@@ -211,7 +210,10 @@ def refine_normals(
         other half judge
     """
     view, count = observations.view, len(observations.texels)
-    bulbs = lamps(lights, observations.texels.radius)
+    everywhere = np.arange(count)
+    bulbs = lamps(
+        lights, observations.texels.radius, cast_shadows(observations, everywhere, lights)
+    )
     rho = np.nan_to_num(np.asarray(rho_s, np.float64))
     shininess = np.nan_to_num(np.asarray(alpha, np.float64), nan=1.0)
     kept = NormalRefinement(view.normal, 0.0, 0.0, 0.0)

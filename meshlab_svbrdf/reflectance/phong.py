@@ -11,27 +11,51 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from ..samples.observations import View, fill_visibility, visibility
+from ..geometry.visibility import directional_visibility
+from ..samples.observations import Observations, View, fill_visibility, visibility
 from .lights import Light
 
 
 class Lamps(NamedTuple):
-    """The lights as arrays: direction (K, 3) float64 unit, gain (K,) and κ (K,) float64, radius."""
+    """The lights as arrays: direction (K, 3) float64 unit, gain (K,) and κ (K,) float64, radius.
+
+    lit : (T, K) uint8, which light reaches which texel; or (0, K): the harmonics tell
+    """
 
     direction: np.ndarray
     gain: np.ndarray
     curvature: np.ndarray
     radius: float
+    lit: np.ndarray
 
 
-def lamps(lights: list[Light], radius: float) -> Lamps:
+def lamps(lights: list[Light], radius: float, lit: np.ndarray | None = None) -> Lamps:
     """The arrays that kernels read."""
     return Lamps(
         np.array([light.direction for light in lights], np.float64).reshape(-1, 3),
         np.array([light.gain for light in lights], np.float64),
         np.array([light.curvature for light in lights], np.float64),
         float(radius),
+        np.zeros((0, len(lights)), np.uint8) if lit is None else lit,
     )
+
+
+def cast_shadows(
+    observations: Observations, texels: np.ndarray, lights: list[Light]
+) -> np.ndarray | None:
+    """Which light reaches which texel, by rays: (T, K) uint8, filled at the given texels (n,).
+
+    None where the observations have no rays to shoot.
+    """
+    if observations.rays is None:
+        return None
+    own = observations.texels
+    lit = np.zeros((len(own), len(lights)), np.uint8)
+    places = [(light.direction, light.position(own.center, own.radius)) for light in lights]
+    lit[texels] = directional_visibility(
+        observations.rays, own.position[texels] + own.center, own.normal[texels], places
+    )
+    return lit
 
 
 @njit(cache=True, nogil=True)
@@ -48,9 +72,11 @@ def light_texel(view, t, lamps, coefficients, rays, gains):
         x, y, z = x * scale, y * scale, z * scale
         rays[k, 0], rays[k, 1], rays[k, 2] = x, y, z
         above = view.normal[t, 0] * x + view.normal[t, 1] * y + view.normal[t, 2] * z
-        gains[k] = (
-            lamps.gain[k] / length2 * visibility(has, coefficients, x, y, z) if above > 0 else 0.0
-        )
+        if lamps.lit.shape[0] > 0:
+            seen = np.float32(lamps.lit[t, k])
+        else:
+            seen = visibility(has, coefficients, x, y, z)
+        gains[k] = lamps.gain[k] / length2 * seen if above > 0 else 0.0
 
 
 @njit(cache=True, nogil=True)

@@ -11,6 +11,7 @@ from numba import njit
 from ..geometry.camera import Camera
 from ..geometry.harmonics import evaluate
 from ..geometry.texels import Texels
+from ..geometry.visibility import Rays
 from .luminance import decode
 from .store import SampleStore
 
@@ -43,6 +44,7 @@ class Observations:
 
     sequence : (F,) int32, which film a frame belongs to; order : (F,) int32, its place in the film:
     frames whose places differ by one are neighbours in time, a gap is a frame that was left out
+    rays : of the mesh, to test lights for shadows; None: the harmonics tell
     """
 
     texels: Texels
@@ -50,6 +52,7 @@ class Observations:
     view: View
     sequence: np.ndarray
     order: np.ndarray
+    rays: Rays | None = None
 
 
 def observe(
@@ -62,6 +65,7 @@ def observe(
     coefficients: np.ndarray | None = None,
     sequence: np.ndarray | None = None,
     order: np.ndarray | None = None,
+    rays: Rays | None = None,
 ) -> Observations:
     """Bundle a store with its geometry.
 
@@ -98,6 +102,7 @@ def observe(
         texels, store, view,
         np.zeros(count, np.int32) if sequence is None else np.asarray(sequence, np.int32),
         np.arange(count, dtype=np.int32) if order is None else np.asarray(order, np.int32),
+        rays,
     )  # fmt: skip
 
 
