@@ -1,6 +1,7 @@
 """Films of the sample project's totem and their results, made once for all tests and workers.
 
 film     a variant of the sample project
+edited   the same with another project file
 solved   the result of the whole chain on it
 copied   a document on a copy of a result, for tests that change it
 run      the chain, or its first filters, on a document
@@ -20,6 +21,9 @@ import numpy as np
 from filelock import FileLock
 
 from meshlab_svbrdf.document.document import Document, Outcome
+from meshlab_svbrdf.document.mesh_files import write_ply
+from meshlab_svbrdf.document.project import Project, read_project, write_project
+from meshlab_svbrdf.geometry.mesh import Mesh
 from meshlab_svbrdf.script import read_script
 from sample_projects.make_totem import TINY, Options, make_totem
 
@@ -55,10 +59,20 @@ def film(factory, options: Options) -> Path:
     return once(factory, repr(options), lambda folder: make_totem(folder, options)) / "totem.mlp"
 
 
-def film_copy(factory, options: Options, folder: Path) -> Path:
-    """The same, for a test to change."""
-    shutil.copytree(film(factory, options).parent, folder)
-    return folder / "totem.mlp"
+def edited(source: Path, folder: Path, edit: Callable[[Project], Any]) -> Path:
+    """Another project in `folder` on the same frames, changed by `edit`."""
+    folder.mkdir(exist_ok=True)
+    project = read_project(source)
+    edit(project)
+    write_project(project, folder / source.name)
+    return folder / source.name
+
+
+def with_mesh(source: Path, folder: Path, mesh: Mesh, *textures: Path) -> Path:
+    """Another project on the same frames, whose scan is `mesh`."""
+    folder.mkdir(exist_ok=True)
+    write_ply(folder / "scan.ply", mesh, textures=textures, dtype=np.float64)
+    return edited(source, folder, lambda project: project.set_mesh("totem", folder / "scan.ply"))
 
 
 def run(document: Document, last: str = GLOSS, /, **given: dict[str, Any]) -> dict[str, Outcome]:
