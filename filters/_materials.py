@@ -9,7 +9,9 @@ import numpy as np
 from meshlab_svbrdf.document.document import Document
 from meshlab_svbrdf.document.layers import Layer
 from meshlab_svbrdf.document.mesh_files import MeshFile
+from meshlab_svbrdf.errors import SvbrdfError
 from meshlab_svbrdf.geometry.texels import Texels
+from meshlab_svbrdf.reflectance.edit import pick
 from meshlab_svbrdf.reflectance.labels import palette
 
 from ._maps import set_texture
@@ -18,6 +20,17 @@ from ._maps import set_texture
 def read_labels(document: Document) -> np.ndarray:
     """(T,) int32, -1 for none."""
     return document.attribute("material").astype(np.int32)
+
+
+def cluster_at(point: np.ndarray, texels: Texels, labels: np.ndarray) -> int:
+    """The cluster at a point (3,) of the world; SvbrdfError where there is none."""
+    cluster = int(labels[pick(texels.position, point - texels.center)])
+    if cluster < 0:
+        raise SvbrdfError(
+            f"the object is unobserved at {point.tolist()}, and belongs to no cluster there: "
+            "pick another point"
+        )
+    return cluster
 
 
 def set_labels(document: Document, texels: Texels, labels: np.ndarray) -> str:

@@ -8,9 +8,9 @@ from meshlab_svbrdf.document.document import Document
 from meshlab_svbrdf.errors import SvbrdfError
 from meshlab_svbrdf.filter import Filter, Namespace, Parameter
 from meshlab_svbrdf.progress import Progress
-from meshlab_svbrdf.reflectance.edit import merge, pick
+from meshlab_svbrdf.reflectance.edit import merge
 
-from ._materials import read_labels, set_labels
+from ._materials import cluster_at, read_labels, set_labels
 
 FILTER = Filter(
     name="apply_svbrdf_material_merge",
@@ -38,7 +38,7 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
             f"ids is {parameters.ids!r}, expected whole numbers, such as 0 3 5"
         ) from None
     for point in parameters.points:
-        ids.append(int(labels[pick(texels.position, point - texels.center)]))
+        ids.append(cluster_at(point, texels, labels))
     ids = list(dict.fromkeys(ids))
     if len(ids) < 2:
         raise SvbrdfError(f"merging needs two clusters or more, and {ids or 'none'} was named")

@@ -7,9 +7,9 @@ from meshlab_svbrdf.errors import SvbrdfError
 from meshlab_svbrdf.filter import Filter, Namespace, Parameter
 from meshlab_svbrdf.geometry.adjacency import neighbours
 from meshlab_svbrdf.progress import Progress
-from meshlab_svbrdf.reflectance.edit import pick, split
+from meshlab_svbrdf.reflectance.edit import split
 
-from ._materials import read_labels, set_labels
+from ._materials import cluster_at, read_labels, set_labels
 
 FILTER = Filter(
     name="apply_svbrdf_material_split",
@@ -40,7 +40,7 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
     stroke = parameters.stroke - texels.center
     cluster = parameters.id
     if cluster < 0:
-        cluster = int(labels[pick(texels.position, stroke[len(stroke) // 2])])
+        cluster = cluster_at(parameters.stroke[len(stroke) // 2], texels, labels)
     progress(0.1, "walking over the surface")
     adjacency = neighbours(texels.position, texels.normal)
     parts = split(labels, cluster, stroke, texels.position, texels.normal, adjacency)
