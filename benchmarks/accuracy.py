@@ -41,6 +41,7 @@ COLUMNS = (  # of the table: heading, figure, format
     ("Rand", "adjusted_rand", "{:.2f}"),
     ("dB", "psnr", "{:.1f}"),
     ("highlights", "psnr_highlights", "{:.1f}"),
+    ("inner", "psnr_inner", "{:.1f}"),
     ("SSIM", "ssim", "{:.3f}"),
     ("s", "seconds", "{:.0f}"),
 )
@@ -68,7 +69,7 @@ def ceiling(project: Path) -> Scores:
     with tempfile.TemporaryDirectory() as temporary:
         rendered = Path(temporary) / "views"
         render_truth(truth, rendered)
-        return unseen_views(rendered, truth / "views")
+        return unseen_views(rendered, truth)
 
 
 def _shell(*arguments: str) -> None:
@@ -108,7 +109,8 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as temporary:
         for name in arguments.scene or SCENES:
             project = ensure_scene(SCENES[name], arguments.cache)
-            results[name] = {"truth": ceiling(project)}
+            phong = all(m.rho_s is not None for m in SCENES[name].materials)
+            results[name] = {"truth": ceiling(project)} if phong else {}
             for estimator in [arguments.only] if arguments.only else ESTIMATORS:
                 out = (arguments.out or Path(temporary)) / f"{name}.{estimator}"
                 results[name][estimator] = run(

@@ -1,6 +1,6 @@
 """The truth rendered as results are: what the figures of unseen views cannot exceed by much.
 
-What is left are the lamps' size, the ambient light's own highlights, noise, the scan's triangles.
+What is left are the lamps' size, noise, the scan's triangles, and shadows in the ambient light.
 """
 
 from __future__ import annotations
@@ -22,12 +22,15 @@ from .score import seen_lobes
 
 def render_truth(truth: Path, folder: Path) -> None:
     """Render the held-out views from the truth's maps, one PNG per view, into a new folder."""
-    emitters = json.loads((truth / "lights.json").read_text())["emitters"]
+    light = json.loads((truth / "lights.json").read_text())
     lobes, gain = seen_lobes(truth)
     ids = read_image(truth / "material_id.png")
     rho_s, alpha = (np.array([lobe[k] for lobe in lobes])[ids] for k in (0, 1))
     white = np.ones((*ids.shape, 3))
-    look = Appearance(read_exr(truth / "diffuse_full.exr"), rho_s, alpha, white)
+    # Light from everywhere reflects as if it were diffuse: ∫ρ cos^α/π over the lobe
+    haze = rho_s / gain * light["ambient_radiance"][0] * 2 / (alpha + 1)
+    diffuse = read_exr(truth / "diffuse_full.exr") + haze[..., None]
+    look = Appearance(diffuse, rho_s, alpha, white)
     lights = [
         Light(
             np.array(e["direction"]),
@@ -35,7 +38,7 @@ def render_truth(truth: Path, folder: Path) -> None:
             float(np.mean(e["phong_intensity"])) / gain,
             1 / e["distance"],
         )
-        for e in emitters
+        for e in light["emitters"]
     ]
     project = read_project(truth / "views" / "project.mlp")
     mesh = read_mesh(project.meshes[0].path).mesh

@@ -19,12 +19,17 @@ from scipy.optimize import linear_sum_assignment
 from skimage.metrics import structural_similarity
 
 from meshlab_svbrdf.document.images import read_exr, read_image
+from meshlab_svbrdf.document.mesh_files import read_mesh
+from meshlab_svbrdf.document.project import read_project
+from meshlab_svbrdf.geometry.mesh import Mesh
+from meshlab_svbrdf.rendering.acquisition import AcquisitionRenderer, Appearance
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")  # it warns of its optional dependencies
     import colour
 
 SAME_LIGHT = 10.0  # degrees
+_FIVE = np.ones((5, 5), np.uint8)
 DIVISOR = {"disk": 4, "rectangle": 3}  # a uniform disk's variance is r²/4, a bar's a²/3
 Scores = dict[str, Any]
 
@@ -37,7 +42,7 @@ def score(result: Path, truth: Path, rendered: Path, center: np.ndarray) -> Scor
     """
     figures = lights(result, truth, center) | diffuse(result, truth)
     figures |= materials(result, truth) | clusters(result, truth)
-    return figures | unseen_views(rendered, truth / "views")
+    return figures | unseen_views(rendered, truth)
 
 
 def lights(result: Path, truth: Path, center: np.ndarray) -> Scores:
@@ -103,7 +108,7 @@ def materials(result: Path, truth: Path) -> Scores:
     ids, inside = _like(rho_s, truth)
     rows = []
     for m, (rho_true, alpha_true) in zip(described, lobes, strict=True):
-        own = cv2.erode(((ids == m["id"]) & inside).astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
+        own = cv2.erode(((ids == m["id"]) & inside).astype(np.uint8), _FIVE) > 0
         seen = own & np.isfinite(rho_s) & np.isfinite(alpha) & (rho_s > 0)
         row: Scores = {"name": m["name"], "observed": float(seen.sum() / max(own.sum(), 1))}
         rows.append(row)
@@ -160,26 +165,45 @@ def clusters(result: Path, truth: Path) -> Scores:
 
 
 def unseen_views(rendered: Path, truth: Path) -> Scores:
-    """PSNR and SSIM in sRGB over the object's pixels, and PSNR over the brightest tenth of them."""
-    everywhere, highlights, similar = [], [], []
-    for path in sorted(truth.glob("view_*.png")):
+    """PSNR and SSIM in sRGB over the object's pixels.
+
+    psnr_highlights : over the brightest tenth. psnr_inner : away from the borders of materials,
+    which are sharper than the frames' pixels, and from silhouettes.
+    """
+    everywhere, highlights, inner, similar = [], [], [], []
+    project = read_project(truth / "views" / "project.mlp")
+    renderer = _border_renderer(read_mesh(project.meshes[0].path).mesh, truth)
+    for raster in project.rasters:
         expected, got = (
-            read_image(p)[..., :3].astype(np.float64) for p in (path, rendered / path.name)
+            read_image(p)[..., :3].astype(np.float64)
+            for p in (raster.path, rendered / raster.path.name)
         )
         on = (np.abs(expected - expected[0, 0]).max(-1) > 2).astype(np.uint8)
-        kernel = np.ones((5, 5), np.uint8)
-        on = cv2.erode(cv2.morphologyEx(on, cv2.MORPH_CLOSE, kernel), kernel) > 0
-        square, bright = ((expected - got) ** 2).mean(-1)[on], expected.mean(-1)[on]
-        everywhere.append(_psnr(square))
-        highlights.append(_psnr(square[bright >= np.quantile(bright, 0.9)]))
+        on = cv2.erode(cv2.morphologyEx(on, cv2.MORPH_CLOSE, _FIVE), _FIVE) > 0
+        border, coverage = renderer.render(raster.camera, 1)
+        inside = cv2.erode(((coverage > 0) & (border[..., 0] == 0)).astype(np.uint8), _FIVE) > 0
+        square, bright = ((expected - got) ** 2).mean(-1), expected.mean(-1)[on]
+        everywhere.append(_psnr(square[on]))
+        highlights.append(_psnr(square[on][bright >= np.quantile(bright, 0.9)]))
+        inner.append(_psnr(square[on & inside]))
         _, map_ = structural_similarity(expected, got, channel_axis=2, data_range=255, full=True)
         similar.append(map_.mean(-1)[on].mean())
     return {
         "psnr": float(np.mean(everywhere)),
         "psnr_worst": float(min(everywhere)),
         "psnr_highlights": float(np.mean(highlights)),
+        "psnr_inner": float(np.mean(inner)),
         "ssim": float(np.mean(similar)),
     }
+
+
+def _border_renderer(mesh: Mesh, truth: Path) -> AcquisitionRenderer:
+    """Shows white where a material borders on another, black elsewhere."""
+    ids = read_image(truth / "material_id.png")
+    border = cv2.morphologyEx(ids, cv2.MORPH_GRADIENT, _FIVE) > 0
+    white = np.repeat(border[..., None], 3, -1).astype(float)
+    matte = np.full(ids.shape, np.nan)
+    return AcquisitionRenderer(mesh, [Appearance(white, matte, matte, white)], [])
 
 
 def _psnr(square: np.ndarray) -> float:
