@@ -78,11 +78,12 @@ def make_scene(variant: Variant, folder: Path) -> None:
     renderer = Renderer(mesh, maps, variant)
     world = _world(variant)
 
-    # Render, and choose the exposure that clips the declared share
+    # Render, and choose the exposure that clips the declared share. Threads add up in any order:
+    # the renderings repeat to float32's last bits only
     cameras, held_out = orbits(variant, reach), views(variant, reach)
     images = [renderer.render(camera, variant.samples, 1 + k) for k, camera in enumerate(cameras)]
     brightest = np.concatenate([image.max(-1)[cover > 0.999] for image, cover in images])
-    exposure = 1 / float(np.quantile(brightest, 1 - variant.clipped))
+    exposure = float(f"{1 / np.quantile(brightest, 1 - variant.clipped):.4g}")
 
     # Write what the camera recorded
     rng = np.random.default_rng([variant.seed, 6])
