@@ -100,12 +100,13 @@ def diffuse(result: Path, truth: Path) -> Scores:
 def materials(result: Path, truth: Path) -> Scores:
     """Per true material: ln of estimate over truth, where the truth is a Phong lobe.
 
-    A material that is unobserved on more than half of its texels is infinitely wrong.
+    A material without a lobe on more than half of the texels that were seen is infinitely wrong.
     """
     described = _json(truth / "materials.json")["materials"]
     lobes, _ = seen_lobes(truth)
     rho_s, alpha = (read_exr(result / "maps" / f"{name}.exr") for name in ("rho_s", "alpha"))
     ids, inside = _like(rho_s, truth)
+    inside &= read_image(result / "maps" / "valid.png") > 127
     rows = []
     for m, (rho_true, alpha_true) in zip(described, lobes, strict=True):
         own = cv2.erode(((ids == m["id"]) & inside).astype(np.uint8), _FIVE) > 0
