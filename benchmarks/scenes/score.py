@@ -1,7 +1,8 @@
 """How near a result comes to a scene's truth: lights, diffuse colour, materials, unseen views.
 
 A highlight cannot tell a lamp's size from the lobe: ρs and α are compared with the truth widened by
-the mean variance of the lamps, 1/α_seen = 1/α + σ².
+the lamps' variance, 1/α_seen = 1/α + σ²; where lamps differ in size or are long, with the range from
+the truth widened by the largest variance to that by the least.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ from __future__ import annotations
 import json
 import math
 import warnings
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -103,12 +104,12 @@ def materials(result: Path, truth: Path) -> Scores:
     A material without a lobe on more than half of the texels that were seen is infinitely wrong.
     """
     described = _json(truth / "materials.json")["materials"]
-    lobes, _ = seen_lobes(truth)
+    least, most = (seen_lobes(truth, of)[0] for of in (np.max, np.min))
     rho_s, alpha = (read_exr(result / "maps" / f"{name}.exr") for name in ("rho_s", "alpha"))
     ids, inside = _like(rho_s, truth)
     inside &= read_image(result / "maps" / "valid.png") > 127
     rows = []
-    for m, (rho_true, alpha_true) in zip(described, lobes, strict=True):
+    for m, low, high in zip(described, least, most, strict=True):
         own = cv2.erode(((ids == m["id"]) & inside).astype(np.uint8), _FIVE) > 0
         seen = own & np.isfinite(rho_s) & np.isfinite(alpha) & (rho_s > 0)
         row: Scores = {"name": m["name"], "observed": float(seen.sum() / max(own.sum(), 1))}
@@ -117,9 +118,10 @@ def materials(result: Path, truth: Path) -> Scores:
             row |= {"rho_s": float(np.median(rho_s[seen])), "alpha": float(np.median(alpha[seen]))}
         if not m["rho_s"]:
             continue
-        row |= {"rho_s_true": rho_true, "alpha_true": alpha_true}
-        row["ln_rho_s"] = math.log(row["rho_s"] / rho_true) if "rho_s" in row else math.inf
-        row["ln_alpha"] = math.log(row["alpha"] / alpha_true) if "alpha" in row else math.inf
+        for k, name in enumerate(("rho_s", "alpha")):
+            row[f"{name}_true"] = [low[k], high[k]]
+            value = row.get(name, math.inf)
+            row[f"ln_{name}"] = math.log(value / min(max(value, low[k]), high[k]))
     glossy = [row for row in rows if "ln_rho_s" in row]
     return {
         "materials": rows,
@@ -128,18 +130,21 @@ def materials(result: Path, truth: Path) -> Scores:
     }
 
 
-def seen_lobes(truth: Path) -> tuple[list[tuple[float, float]], float]:
+def seen_lobes(
+    truth: Path, of: Callable[..., Any] = np.mean
+) -> tuple[list[tuple[float, float]], float]:
     """Each material's true (ρs, α) as seen, for a light of gain 1, and the intensity of such a one.
 
-    ρs is 0 where there is no lobe of Phong's.
+    of : which of all the lamps' variances widens the truth. ρs is 0 where there is no lobe of
+    Phong's.
     """
     emitters = _json(truth / "lights.json")["emitters"]
-    parts = [np.mean(np.radians(e["half_extent_deg"]) ** 2) / DIVISOR[e["kind"]] for e in emitters]
+    variances = [np.radians(e["half_extent_deg"]) ** 2 / DIVISOR[e["kind"]] for e in emitters]
     gain = float(np.exp(np.mean([np.log(np.mean(e["phong_intensity"])) for e in emitters])))
     lobes = []
     for m in _json(truth / "materials.json")["materials"]:
         alpha = m["alpha"] or 1.0
-        seen = 1 / (1 / alpha + float(np.mean(parts)))
+        seen = 1 / (1 / alpha + float(of(variances)))
         lobes.append(((m["rho_s"] or 0.0) * gain * seen / alpha, seen))
     return lobes, gain
 
