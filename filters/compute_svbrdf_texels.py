@@ -30,6 +30,11 @@ FILTER = Filter(
             help="Side of the texture images. Texels finer than the frames' pixels only cost time.",
         ),
         Parameter(
+            "parametrise", "enum", "auto", choices=("auto", "always", "never"),
+            help="Whether to cut the surface into new charts (xatlas): where the mesh has no "
+            "texture coordinates, always (for torn or overlapping ones), or never.",
+        ),
+        Parameter(
             "normal_map", "path", "",
             help="Image of the surface's detail, for the first texture; further textures' images "
             "are NAME.1.png, NAME.2.png … beside it. Empty: the mesh's own normals.",
@@ -50,7 +55,7 @@ FILTER = Filter(
     ),
     help="Rasterises the object's UV charts: one texel per pixel centre inside a triangle, with "
     "its position, normal, face and barycentric coordinates. A mesh without texture coordinates "
-    "is parametrised first (xatlas). Overlapping and out-of-range coordinates are told.",
+    "is parametrised first (xatlas). Overlapping, out-of-range and torn charts are told.",
     reference="Palma et al. 2012, §3",
 )  # fmt: skip
 
@@ -61,12 +66,18 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
     if len(mesh.faces) == 0:
         raise SvbrdfError(f"layer {document.object_layer().label!r} has no faces")
     size = parameters.texture_size
-    if mesh.uv is None:
+    if mesh.uv is None and parameters.parametrise == "never":
+        raise SvbrdfError(
+            f"layer {document.object_layer().label!r} has no texture coordinates: parametrise it "
+            "in MeshLab, or pass parametrise=auto"
+        )
+    if mesh.uv is None or parameters.parametrise == "always":
         progress(0.1, "cutting the surface into charts")
+        reason = "for the mesh has no texture coordinates" if mesh.uv is None else "as asked"
         mesh = parametrise(mesh, size)
         assert mesh.uv is not None
         document.set_uv(mesh.uv)
-        said.append("parametrised, for the mesh has no texture coordinates")
+        said.append(f"parametrised, {reason}")
     count = 1 if mesh.texture_index is None else max(1, int(mesh.texture_index.max()) + 1)
     sizes = ((size, size),) * count
     said += _check_charts(mesh, sizes, parameters.allow_overlap)
@@ -98,8 +109,7 @@ def _check_charts(mesh: Mesh, sizes, allow_overlap: bool) -> list[str]:
     if report.overlap_share > OVERLAP_MOST and not allow_overlap:
         raise SvbrdfError(
             f"{report.overlap_share:.0%} of the texels belong to several places of the surface "
-            "(overlapping charts): parametrise the mesh anew in MeshLab, remove its texture "
-            "coordinates and let this filter do it, or pass allow_overlap=true"
+            "(overlapping charts): pass parametrise=always for new ones, or allow_overlap=true"
         )
     return [] if report.ok else [report.message]
 

@@ -23,7 +23,7 @@ FILTER = Filter(
     needs=("mesh", "texels"),
     writes=("texels",),
     parameters=(
-        Parameter("source", "string", "", help="Label of the layer with the detailed mesh."),
+        Parameter("source", "layer", "", help="Label of the layer with the detailed mesh."),
         Parameter(
             "max_distance", "length", Percentage(1.0), minimum=0.0,
             help="How far the two surfaces may lie apart: a few times the largest gap.",

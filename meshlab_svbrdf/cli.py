@@ -8,9 +8,8 @@ from __future__ import annotations
 
 import json
 import logging
-import os
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, replace
 from enum import StrEnum
@@ -25,8 +24,10 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 
 from . import registry
 from .document.document import Document, Outcome
+from .document.freshness import in_words
 from .errors import SvbrdfError
 from .filter import describe, to_json
+from .geometry import texels
 from .progress import Show
 from .script import Step, check_script, read_script, run_script
 
@@ -48,6 +49,7 @@ CHAINS = {Estimator.joint: "svbrdf.mlx", Estimator.paper: "svbrdf_paper.mlx"}
 TEXTURE_SIZE = ("compute_svbrdf_texels", "texture_size")
 MATERIALS = ("compute_svbrdf_materials", "image")
 RENDERING = "generate_svbrdf_rendering"
+CURRENT = "up to date"
 
 Project = Annotated[
     Path, typer.Argument(help="A MeshLab project, .mlp or .mlb.", show_default=False)
@@ -161,8 +163,16 @@ def info(project: Project, as_json: AsJson = False) -> None:
         for label, size in told["layers"].items():
             typer.echo(f"layer    {label}: {size}")
         typer.echo(f"rasters  {told['rasters']}, of these held out: {told['held_out']}")
+        for label in told["held_out_labels"]:
+            typer.echo(f"held out {label}")
+        typer.echo(f"results  {told['results']}{'' if told['products'] else ': none yet'}")
         for product, state in told["products"].items():
             typer.echo(f"result   {product}: {state['message']} ({state['state']})")
+        for product, state in told["products"].items():
+            if state["state"] != CURRENT:
+                typer.echo(f"stale    {product}: run {state['filter']} again")
+        for material in told["materials"]:
+            typer.echo(_material_line(material))
 
 
 @app.command()
@@ -282,13 +292,13 @@ def _name_value(text: str) -> tuple[str, str]:
 
 
 def _compiled() -> bool:
-    """Whether numba has compiled kernels of ours before."""
-    package = Path(__file__).parent
-    user = os.environ.get("NUMBA_CACHE_DIR")
-    places: Iterable[Path] = package.glob("*/__pycache__/*.nbi")
-    if user:
-        places = Path(user).rglob("*.nbi")
-    return any(True for _ in places)
+    """Whether numba has compiled this version's first kernel before, wherever it keeps that."""
+    kernel = texels._cover
+    if not hasattr(kernel, "stats"):  # numba is switched off
+        return True
+    source = Path(texels.__file__).stat().st_mtime
+    kept = Path(str(kernel.stats.cache_path)).glob("texels._cover-*.nbi")
+    return any(index.stat().st_mtime >= source for index in kept)
 
 
 def _tell(document: Document) -> dict[str, Any]:
@@ -299,8 +309,9 @@ def _tell(document: Document) -> dict[str, Any]:
         products[name] = {
             "filter": product["filter"],
             "message": record["runs"].get(product["filter"], {}).get("message", ""),
-            "state": f"older than the {older}" if older else "up to date",
+            "state": f"older than the {in_words(older)}" if older else CURRENT,
         }
+    has_materials = document.has("material_specular") and document.has_json("materials")
     layers = {}
     for layer in document.layers:
         mesh = layer.read().mesh
@@ -310,8 +321,19 @@ def _tell(document: Document) -> dict[str, Any]:
         "layers": layers,
         "rasters": len(document.project.rasters),
         "held_out": len(document.held_out),
+        "held_out_labels": [raster.label for raster in document.held_out],
+        "results": str(document.folder),
         "products": products,
+        "materials": document.json("materials")["materials"] if has_materials else [],
     }
+
+
+def _material_line(material: dict[str, Any]) -> str:
+    """A row of the material table: ρs and α, or why there are none."""
+    line = f"material {material['id']}: {material['texels']:,} texels, "
+    if not material["observed"]:
+        return f"{line}unobserved: {material['reason']}"
+    return f"{line}rho_s {material['rho_s']:.4g}, alpha {material['alpha']:.4g}"
 
 
 if __name__ == "__main__":

@@ -23,7 +23,7 @@ from .errors import SvbrdfError
 
 Namespace = SimpleNamespace
 
-KINDS = ("bool", "int", "float", "enum", "string", "path", "length", "points")
+KINDS = ("bool", "int", "float", "enum", "string", "path", "length", "points", "layer")
 INPUTS = ("mesh", "rasters")  # what a filter may need besides other filters' products
 
 _IDENTIFIER = re.compile(r"[a-z][a-z0-9_]*\Z")
@@ -46,7 +46,8 @@ class Parameter:
 
     kind : bool, int, float, enum (one of `choices`), string, path (a Path, None where it is ""),
         length (a float in world units, or "2%" / PercentageValue of the bounding box's diagonal),
-        points ((N, 3) float64, in a script or shell "x y z; x y z")
+        points ((N, 3) float64, in a script or shell "x y z; x y z"),
+        layer (a label; the layer's mesh counts as an input of the filter)
     default, minimum, maximum : in `unit`; the limits belong to int, float and length
     help : what it does and how to choose it
     """
@@ -97,6 +98,7 @@ class Parameter:
             "float": "a number",
             "string": "a text",
             "path": "the path of a file",
+            "layer": "the label of a layer",
             "length": 'a length in world units or "2%" of the bounding box\'s diagonal',
             "points": 'points of three numbers each, "x y z; x y z"',
         }[self.kind]
@@ -138,6 +140,8 @@ class Parameter:
 
     def _string(self, value: Any) -> Any:
         return value if isinstance(value, str) else _WRONG
+
+    _layer = _string
 
     def _path(self, value: Any) -> Any:
         if value is None or value == "":

@@ -138,6 +138,11 @@ class Bridge:
         _MeshSet.apply_filter(self.meshes, "delete_current_mesh")
         del self.layers[identity], self.known[identity]
 
+    def show(self) -> None:
+        """Hide and show MeshLab's meshes as the document's layers are, after a filter of ours."""
+        for identity, layer in self.layers.items():
+            _MeshSet.set_mesh_visibility(self.meshes, identity, layer.visible)
+
     def pull(self) -> None:
         """Take what MeshLab changed into the document, as layers in memory.
 

@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Any
 
 import pymeshlab
+from filelock import FileLock, Timeout
 
 from . import registry
 from .document.document import Document
@@ -33,6 +34,8 @@ from .meshlab import Bridge, run_xml
 from .script import Step, read_script, run_script
 
 READABLE = (".ply", ".obj")  # by ourselves, whatever their textures are
+WORK = ".svbrdf-"  # begins the name of a working folder
+HELD = ".held"  # the file in it that is locked while its set lives
 
 
 class MeshSet(pymeshlab.MeshSet):
@@ -59,13 +62,18 @@ class MeshSet(pymeshlab.MeshSet):
     def _new_work(self, near: Path | None) -> Path:
         """A folder for results that have no place yet, in place of the one so far.
 
-        It is on the project's disk, if that can be written, and goes with this set.
+        It is on the project's disk, if that can be written, and goes with this set, or, where the
+        process died before, with the next one there.
         """
         here = near if near is not None and os.access(near, os.W_OK) else None
-        folder = tempfile.mkdtemp(prefix=".svbrdf-" if here else "svbrdf-", dir=here)
+        if here is not None:
+            _sweep(here)
+        folder = Path(tempfile.mkdtemp(prefix=WORK if here else WORK.lstrip("."), dir=here))
+        lock = FileLock(folder / HELD)
+        lock.acquire()
         self._forget()
-        self._forget = weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
-        return Path(folder)
+        self._forget = weakref.finalize(self, _remove, folder, lock)
+        return folder
 
     # Projects
 
@@ -167,6 +175,7 @@ class MeshSet(pymeshlab.MeshSet):
             self._sync()
             return super().apply_filter(filter_name, **parameters)
         outcome = self.document.apply(filter_name, **parameters)
+        self._bridge.show()
         self._behind = self._behind or not outcome.skipped
         return {
             "message": outcome.message,
@@ -182,6 +191,8 @@ class MeshSet(pymeshlab.MeshSet):
             return
         for outcome in run_script(self.document, read_script(file_name), foreign=self._run_step):
             self._behind = self._behind or not outcome.skipped
+            if outcome.name in registry.filters():
+                self._bridge.show()
             self._bridge.pull()
 
     def _run_step(self, step: Step) -> None:
@@ -235,6 +246,22 @@ class MeshSet(pymeshlab.MeshSet):
             pymeshlab.MeshSet.set_current_mesh(self, identity)
             super().apply_filter("set_texture_per_mesh", textname=str(textures[0]))
             bridge.settle(identity)
+
+
+def _sweep(folder: Path) -> None:
+    """Remove the working folders of processes that died."""
+    for held in folder.glob(f"{WORK}*/{HELD}"):
+        lock = FileLock(held, timeout=0)
+        try:
+            lock.acquire()
+        except (Timeout, OSError):  # its set lives, or it is not ours to touch
+            continue
+        _remove(held.parent, lock)
+
+
+def _remove(folder: Path, lock: FileLock) -> None:
+    lock.release()
+    shutil.rmtree(folder, ignore_errors=True)
 
 
 def _stamp(path: Path | None) -> tuple[int, int] | None:

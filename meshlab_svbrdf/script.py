@@ -32,6 +32,7 @@ RICH = {
     "path": "RichFileOpen",
     "length": "RichString",
     "points": "RichString",
+    "layer": "RichString",
 }
 
 

@@ -20,12 +20,14 @@ from ..errors import DocumentError, SvbrdfError
 from ..filter import Filter
 from ..geometry.mesh import Mesh
 from ..progress import Progress, Show
+from .exact import remember, restore
 from .freshness import Freshness, filter_key, resolve_lengths
+from .given_uv import GivenUv
 from .layers import Layer, mesh_digest
 from .products import Products
 from .project import MeshEntry, Project, RasterEntry, new_project, read_project, write_project
-from .record import ResultFolder, digest, replace_folder
-from .views import write_views
+from .record import RECORD, ResultFolder, digest, replace_folder
+from .views import OBJECT, write_views
 
 log = logging.getLogger("meshlab_svbrdf")
 
@@ -53,10 +55,15 @@ class Document(Products):
     rasters : the frames that filters see: held-out ones are in `held_out`
     """
 
-    def __init__(self, project: Project, path: Path) -> None:
-        super().__init__(path.with_suffix(RESULTS))
+    def __init__(self, project: Project, path: Path, folder: Path | None = None) -> None:
+        super().__init__(folder or path.with_suffix(RESULTS))
         self.project = project
         self.path = path
+        if restored := restore(project, self.folder):
+            log.warning(
+                "MeshLab saved %s with six digits and without svbrdf_ attributes; restored from "
+                "%s/exact.mlp: %s", path.name, self.folder.name, restored,
+            )  # fmt: skip
         self.layers = [Layer(m.label, m.path, m.matrix, m.visible, entry=m) for m in project.meshes]
         self._told = ""
 
@@ -65,12 +72,14 @@ class Document(Products):
         """Read a project.
 
         output : a project file (.mlp, .mlb) or a folder for one of the same name; results lie
-            beside it. None: beside the input, which `save` replaces.
+            beside it. None: beside the input, which `save` replaces. A project that MeshLab saved
+            under another name sees the results of the first, and copies them when it changes them.
         """
         path = Path(path).absolute()
         if path.suffix.lower() not in PROJECTS:
             raise DocumentError(f"{path}: expected a MeshLab project, .mlp or .mlb")
-        return cls(read_project(path), place(path, output))
+        project = read_project(path)
+        return cls(project, place(path, output), None if output else _results_of(project, path))
 
     @classmethod
     def new(cls, path: str | Path) -> Document:
@@ -92,6 +101,7 @@ class Document(Products):
         """Change settings, and record them; not while a filter runs."""
         if self._writing is not None:
             raise RuntimeError("settings are the user's: a filter cannot change them")
+        self._own_results()
         with self.results.locked():
             record = self.results.record
             self.results.commit(record | {"settings": record["settings"] | settings})
@@ -149,33 +159,38 @@ class Document(Products):
     def mesh(self, layer: Layer | None = None) -> Mesh:
         """A layer's mesh (None: the object's) in world coordinates.
 
-        The object's has the texture coordinates of `set_uv` where its file has none.
+        The object's has the texture coordinates of `set_uv`, where that was called.
         """
         layer = layer or self.object_layer()
         return self._local_mesh(layer).transformed(layer.matrix)
 
     def set_uv(self, uv: np.ndarray) -> None:
-        """Stage texture coordinates (F, 3, 2) for an object that has none, as float32."""
+        """Stage texture coordinates (F, 3, 2) for the object, in place of its file's, as float32.
+
+        They lie in one texture. A filter that does not call this leaves the file's in force.
+        """
         self.set_array("uv", np.asarray(uv, np.float32))
 
     def _local_mesh(self, layer: Layer) -> Mesh:
+        if layer is not self.object_layer():
+            return layer.read().mesh
         mesh = self._given_mesh(layer)
-        if mesh.uv is None and layer is self.object_layer() and self.has_array("uv"):
+        if self.has_array("uv"):
             mesh = replace(mesh, uv=self.array("uv").astype(np.float64), texture_index=None)
         return mesh
 
     def _given_mesh(self, layer: Layer) -> Mesh:
         """As the user gave it: texture coordinates that `save` wrote for `set_uv` are left out."""
-        mesh = layer.read().mesh
-        path = self.results.find("arrays/uv.npy")
-        if mesh.uv is None or path is None:
-            return mesh
-        ours = np.array_equal(mesh.uv.astype(np.float32), np.load(path))
-        return replace(mesh, uv=None, texture_index=None) if ours else mesh
+        return GivenUv.beside(layer.path or self.folder / OBJECT).undo(layer.read().mesh)
 
     def _given_digest(self) -> str:
         layer = self.object_layer()
         return mesh_digest(self._given_mesh(layer), layer.matrix)
+
+    def _layer_digest(self, label: str) -> str:
+        """Of the user's layer of that label, "" where it went away."""
+        layer = next((x for x in self.layers if x.label == label and not x.ours), None)
+        return mesh_digest(layer.read().mesh, layer.matrix) if layer else ""
 
     # Filters
 
@@ -199,9 +214,10 @@ class Document(Products):
         if filter.apply is None:
             raise SvbrdfError(f"filter {filter.name} has no apply: get it from the registry")
         given = filter.check(parameters)
+        self._own_results()
         with self.results.locked():
             fresh = self._freshness()
-            inputs = fresh.inputs(filter)
+            inputs = fresh.inputs(filter, given)
             key = filter_key(filter, given, inputs)
             if not force and fresh.unchanged(filter, key):
                 return Outcome(filter.name, "unchanged", skipped=True)
@@ -232,6 +248,8 @@ class Document(Products):
                 run["seconds"] = round(outcome.seconds, 3)
                 run["cpu_seconds"] = round(outcome.cpu_seconds, 3)
                 run["date"] = time.strftime("%Y-%m-%dT%H:%M:%S%z")
+            if "rasters" in filter.needs:
+                remember(self.project, self.layers, self.folder)
         return outcome
 
     def stale(self, product: str) -> str:
@@ -244,6 +262,7 @@ class Document(Products):
             self._given_digest,
             lambda: raster_digest(self.rasters),
             lambda: all(raster.path.is_file() for raster in self.rasters),
+            self._layer_digest,
         )
 
     # Saving
@@ -256,13 +275,22 @@ class Document(Products):
         """
         if path is not None and Path(path).absolute() != self.path:
             self.move_to(Path(path).absolute())
+        self._own_results()
         self.path.parent.mkdir(parents=True, exist_ok=True)
         if self.results.record["products"] or any(layer.path is None for layer in self.layers):
             with self.results.locked():
                 self.layers = write_views(self)
         self.project.meshes = [_entry(layer) for layer in self.layers]
         write_project(self.project, self.path)
+        if self.folder.is_dir():
+            with self.results.locked():
+                remember(self.project, self.layers, self.folder)
         return self.path
+
+    def _own_results(self) -> None:
+        """Before results change, copy those that another project lent."""
+        if self.folder != self.path.with_suffix(RESULTS):
+            self.move_to(self.path, link=True)
 
     def move_to(self, path: Path, *, link: bool = False) -> None:
         """Work on a copy of the results beside another project, the results there replaced.
@@ -287,6 +315,16 @@ def place(path: Path, output: str | Path | None) -> Path:
         return path
     output = Path(output).absolute()
     return output if output.suffix.lower() in PROJECTS else output / f"{path.stem}.mlp"
+
+
+def _results_of(project: Project, path: Path) -> Path | None:
+    """Where a project without a folder of results has its layers of results, if in one folder."""
+    if path.with_suffix(RESULTS).exists():
+        return None
+    layers = [Layer(mesh.label, mesh.path) for mesh in project.meshes]
+    folders = {x.path.parent.parent for x in layers if x.path is not None and x.ours}
+    lent = [folder for folder in folders if (folder / RECORD).is_file()]
+    return lent[0] if len(lent) == 1 else None
 
 
 def raster_digest(rasters: list[RasterEntry]) -> str:

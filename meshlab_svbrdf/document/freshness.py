@@ -1,7 +1,8 @@
 """Whether results still belong to what they were made from.
 
 A product's key is a hash of its filter, the parameters and the keys of what went in: the digests of
-mesh and rasters, and the keys of other products. What was made from an older state is stale.
+mesh, rasters and further layers, and the keys of other products. What was made from an older state
+is stale.
 """
 
 from __future__ import annotations
@@ -20,12 +21,20 @@ from ..filter import INPUTS, Filter, Namespace, Percentage
 from ..geometry.mesh import Mesh
 from .record import ResultFolder, digest
 
+LAYER = "layer "  # before a label: an input that a parameter of the kind "layer" names
+
+
+def in_words(name: str) -> str:
+    """A product or input as sentences call it."""
+    return name if name.startswith(LAYER) else name.replace("_", " ")
+
 
 class Freshness:
-    """The state of a document at one moment; mesh and rasters are digested at most once.
+    """The state of a document at one moment; mesh, rasters and layers are digested at most once.
 
     frames_there : whether the frames are; where they went, after the results were made from them,
         results do not grow stale by that
+    layer : the digest of a layer by its label, "" where it went away, which counts as the frames'
     """
 
     def __init__(
@@ -34,18 +43,23 @@ class Freshness:
         mesh: Callable[[], str],
         rasters: Callable[[], str],
         frames_there: Callable[[], bool],
+        layer: Callable[[str], str],
     ) -> None:
         self._results = results
         self._products: dict[str, Any] = results.record["products"]
         self._frames_there = cache(frames_there)
         self._inputs = {"mesh": cache(mesh), "rasters": cache(rasters)}
+        self._layer = cache(layer)
 
     def stale(self, product: str) -> str:
         """Which input of `product` is not what it was, or "" where all are."""
         for name, key in self._products[product]["inputs"].items():
             if name == "rasters" and not self._frames_there():
                 continue
-            if name in INPUTS:
+            if name.startswith(LAYER):
+                if self._layer(name.removeprefix(LAYER)) not in ("", key):
+                    return name
+            elif name in INPUTS:
                 if self._inputs[name]() != key:
                     return name
             elif name not in self._products or self._products[name]["key"] != key:
@@ -54,9 +68,14 @@ class Freshness:
                 return older
         return ""
 
-    def inputs(self, filter: Filter) -> dict[str, str]:
+    def inputs(self, filter: Filter, parameters: Namespace) -> dict[str, str]:
         """The keys of what the filter needs; MissingStageError where a product is not there."""
-        keys = {}
+        labels = (
+            getattr(parameters, parameter.name)
+            for parameter in filter.parameters
+            if parameter.kind == "layer"
+        )
+        keys = {LAYER + label: self._layer(label) for label in labels if label}
         for need in filter.needs:
             if need in INPUTS:
                 keys[need] = self._inputs[need]()
@@ -67,8 +86,8 @@ class Freshness:
                 raise MissingStageError(f"{filter.name} needs the {words}: run {makers} first")
             if older := self.stale(need):
                 raise MissingStageError(
-                    f"{filter.name} needs the {words}, but the {older.replace('_', ' ')} changed "
-                    f"since: run {makers} again"
+                    f"{filter.name} needs the {words}, but the {in_words(older)} changed since: "
+                    f"run {makers} again"
                 )
             keys[need] = self._products[need]["key"]
         return keys

@@ -191,7 +191,8 @@ def replace_folder(source: Path, target: Path, *, link: bool) -> None:
         return
     there = ResultFolder(target)
     with there.locked():
-        ours = there.files() | set(there.record["settings"].get("shown", {})) | {RECORD, ".lock"}
+        shown = set(there.record["settings"].get("shown", {}))
+        ours = there.files() | shown | {RECORD, "exact.mlp", ".lock"}
         os.rename(target, old)
         os.rename(fresh, target)
     for path in sorted(old.rglob("*")):

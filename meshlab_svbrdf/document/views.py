@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .layers import Layer, file_name, texels_content, write_layer
+from .given_uv import GivenUv, given_path
+from .layers import Layer, file_name, mesh_digest, texels_content, write_layer
 from .record import digest
 
 if TYPE_CHECKING:
@@ -58,7 +59,6 @@ class _Views:
         freshness = document._freshness()
         self.products = {n: entry for n, entry in products.items() if not freshness.stale(n)}
         self.files = {file for entry in self.products.values() for file in entry["files"]}
-        self.geometry = document._given_digest() if self.products else ""
 
     def keep(self, layer: Layer) -> None:
         """The user's layers stay; the object gets its diffuse texture, unsaved ones a file."""
@@ -70,6 +70,9 @@ class _Views:
             path = self._free_path(layer.label)
             write_layer(path, layer.read(), double=True)
             layer.path = path
+        given = given_path(self.document.folder / OBJECT)
+        if layer.path == self.document.folder / OBJECT and given.is_file():
+            self.shown[given.relative_to(self.document.folder).as_posix()] = ""
 
     def maps_and_layers(self) -> None:
         for product in self.products.values():
@@ -127,11 +130,14 @@ class _Views:
         ]
 
     def _write_object(self, entry: str, layer: Layer, textures: list[Path]) -> None:
-        changed = self._changed(entry, [self.geometry, [path.name for path in textures]])
+        mesh = self.document._local_mesh(layer)
+        shows = [mesh_digest(mesh, layer.matrix), [path.name for path in textures]]
+        changed = self._changed(entry, shows)
         if not changed and not (entry == OBJECT and layer.path is None):
             return
         content = layer.read()
-        mesh = self.document._local_mesh(layer)
+        if entry == OBJECT:
+            GivenUv.beside(self._path(entry)).keep(self.document._given_mesh(layer), mesh)
         write_layer(
             self._path(entry), replace(content, mesh=mesh), textures=tuple(textures), double=True
         )

@@ -16,6 +16,15 @@ SUBTEXEL = 1024
 # Charts of real scans touch here and there; more than this share of texels is a mistake.
 TOLERATED_OVERLAP = 0.005
 
+# Charts are torn when many edges are seams and much of the surface is drawn out of shape. Of scans:
+# .12 and .06 at most, still .2 of shape; simplified without regard to charts .24 and .41 at least.
+TORN_SEAMS, TORN_SHAPE = 0.2, 0.3
+OUT_OF_SHAPE = 2.0  # stretched by this factor more in one direction than in the other
+
+# A face is starved when its surface has less than this part of the texels that are usual.
+STARVED = 1 / 16
+TOLERATED_STARVED = 0.01
+
 
 @dataclass(frozen=True)
 class UvReport:
@@ -28,6 +37,9 @@ class UvReport:
     zero_area_faces : have no area in the texture, or coordinates that are not finite; no texels
     flipped_faces : mirrored (clockwise); harmless, even in tangent-space normal maps
     missing_texture_faces : name a texture that there is not
+    seam_share : of the length of the edges between two faces, those where charts end
+    skewed_share : of the surface's area, faces whose shape in the texture is not theirs in space
+    starved_share : of the surface's area, faces with next to no texels for their size
     """
 
     faces: int
@@ -38,6 +50,14 @@ class UvReport:
     zero_area_faces: int
     flipped_faces: int
     missing_texture_faces: int
+    seam_share: float
+    skewed_share: float
+    starved_share: float
+
+    @property
+    def torn(self) -> bool:
+        """Whether the charts are in pieces that no longer fit the surface."""
+        return self.seam_share > TORN_SEAMS and self.skewed_share > TORN_SHAPE
 
     @property
     def ok(self) -> bool:
@@ -47,6 +67,8 @@ class UvReport:
             and self.out_of_range_faces == 0
             and self.missing_texture_faces == 0
             and self.zero_area_faces < self.faces
+            and self.starved_share <= TOLERATED_STARVED
+            and not self.torn
         )
 
     @property
@@ -70,6 +92,15 @@ class UvReport:
                 f"{self.zero_area_faces} of {self.faces} faces have no area in the texture and "
                 "get no texels"
             )
+        if self.torn:
+            said.append(
+                f"The charts are torn, as by simplification without regard to the texture: "
+                f"{100 * self.seam_share:.0f} % of the edges are seams, "
+                f"{100 * self.skewed_share:.0f} % of the surface is out of shape, and "
+                f"{100 - 100 * self.covered_share:.0f} % of the texture is empty"
+            )
+        if self.starved_share > TOLERATED_STARVED:
+            said.append(f"{100 * self.starved_share:.2g} % of the surface has next to no texels")
         if not self.ok:
             said.append("Parametrise the mesh anew to give each place its own texels")
         return "".join(sentence + ". " for sentence in said).strip()
@@ -122,7 +153,69 @@ def check_uv(mesh: Mesh, sizes: tuple[tuple[int, int], ...]) -> UvReport:
         zero_area_faces=int(zero_area.sum()),
         flipped_faces=int(flipped.sum()),
         missing_texture_faces=int(np.count_nonzero((texture < 0) | (texture >= len(sizes)))),
+        seam_share=_seam_share(mesh, texture),
+        skewed_share=_skewed_share(mesh),
+        starved_share=_starved_share(mesh, texture, sizes, zero_area),
     )
+
+
+def _seam_share(mesh: Mesh, texture: np.ndarray) -> float:
+    """Of the length of the edges between two faces, those with other coordinates on each side."""
+    assert mesh.uv is not None
+    corners = np.concatenate([np.stack([k + 3 * np.arange(len(mesh.faces)) for k in pair], 1)
+                              for pair in ((0, 1), (1, 2), (2, 0))])  # fmt: skip
+    ends = mesh.faces.ravel()[corners]
+    turned = ends[:, 0] > ends[:, 1]
+    corners[turned] = corners[turned][:, ::-1]
+    ends.sort(axis=1)
+    order = np.lexsort((ends[:, 1], ends[:, 0]))
+    shared = (ends[order[1:]] == ends[order[:-1]]).all(axis=1)
+    first, second = order[:-1][shared], order[1:][shared]
+    place = np.column_stack([mesh.uv.reshape(-1, 2), np.repeat(texture, 3)])
+    apart = np.abs(place[corners[first]] - place[corners[second]]).max(axis=(1, 2)) > 1e-5
+    along = mesh.vertices[ends[first, 1]] - mesh.vertices[ends[first, 0]]
+    length = np.linalg.norm(along, axis=1)
+    return float(length[apart].sum() / length.sum()) if length.any() else 0.0
+
+
+def _skewed_share(mesh: Mesh) -> float:
+    """Of the area, faces whose map to the texture stretches one direction OUT_OF_SHAPE times."""
+    assert mesh.uv is not None
+    a, b, c = np.moveaxis(mesh.vertices[mesh.faces], 1, 0)
+    along, side = b - a, c - a
+    length = np.linalg.norm(along, axis=1)
+    twice = np.linalg.norm(np.cross(along, side), axis=1)
+    good = twice > 0
+
+    # The map's columns in a frame of the face: along its first edge, and across it
+    u, v = mesh.uv[good, 1] - mesh.uv[good, 0], mesh.uv[good, 2] - mesh.uv[good, 0]
+    length, area = length[good, None], twice[good]
+    first = u / length
+    foot = (along[good] * side[good]).sum(1, keepdims=True) / length
+    second = (v - first * foot) / (area[:, None] / length)
+    stretch = np.linalg.svd(np.nan_to_num(np.stack([first, second], 2)), compute_uv=False)
+    skewed = stretch[:, 0] > OUT_OF_SHAPE * stretch[:, 1]
+    return float(area[skewed].sum() / area.sum()) if len(area) else 0.0
+
+
+def _starved_share(
+    mesh: Mesh, texture: np.ndarray, sizes: tuple[tuple[int, int], ...], lost: np.ndarray
+) -> float:
+    """Of the area, faces with less than STARVED of the density that the median texel has."""
+    assert mesh.uv is not None
+    a, b, c = np.moveaxis(mesh.vertices[mesh.faces], 1, 0)
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+    u, v = mesh.uv[:, 1] - mesh.uv[:, 0], mesh.uv[:, 2] - mesh.uv[:, 0]
+    pixels = np.array([0.0, *(h * w for h, w in sizes)])[np.clip(texture + 1, 0, len(sizes))]
+    texels = np.where(lost, 0.0, np.abs(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]) / 2 * pixels)
+    has = (area > 0) & (texels > 0)
+    if not has.any():
+        return 0.0
+    density = np.divide(texels, area, out=np.zeros(len(area)), where=area > 0)
+    order = np.argsort(density[has])
+    so_far = np.cumsum(texels[has][order])
+    usual = density[has][order][np.searchsorted(so_far, so_far[-1] / 2)]
+    return float(area[density < STARVED * usual].sum() / area.sum())
 
 
 @njit(cache=True, nogil=True)
