@@ -1,8 +1,8 @@
 """How near a result comes to a scene's truth: lights, diffuse colour, materials, unseen views.
 
-A highlight cannot tell a lamp's size from the lobe: ρs and α are compared with the truth widened
-by the lamps' variance, 1/α_seen = 1/α + σ²; where lamps differ in size or are long, with the range from
-the truth widened by the largest variance to that by the least.
+A highlight cannot tell a lamp's size from the lobe: ρs and α are compared with a truth widened
+by the lamps' variance, 1/α_seen = 1/α + σ²; where lamps differ in size or are long, with the range
+from the truth widened by the largest variance to that by the least.
 """
 
 from __future__ import annotations
