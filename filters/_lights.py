@@ -19,7 +19,7 @@ def set_lights(document: Document, lights: list[Light], probability: np.ndarray)
             "lights": [
                 {
                     "direction": light.direction, "position": light.position(center, radius),
-                    "gain": light.gain, "covariance": light.covariance,
+                    "gain": light.gain, "covariance": light.covariance, "half_length": light.bar,
                 }
                 for light in lights
             ]
@@ -39,6 +39,7 @@ def read_lights(document: Document) -> list[Light]:
             Light(
                 np.array(entry["direction"]), np.array(entry["covariance"]), entry["gain"],
                 0.0 if position is None else radius / float(distance),
+                bar=np.array(entry["half_length"]),
             )
         )  # fmt: skip
     return lights

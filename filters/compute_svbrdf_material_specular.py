@@ -12,6 +12,7 @@ from meshlab_svbrdf.reflectance.density import highest_bell
 from meshlab_svbrdf.reflectance.diffuse_refit import refit_diffuse
 from meshlab_svbrdf.reflectance.fit_samples import normal_turn
 from meshlab_svbrdf.reflectance.joint import Material, fit
+from meshlab_svbrdf.reflectance.long_lamps import as_seen
 from meshlab_svbrdf.reflectance.normal_refinement import refine_normals
 from meshlab_svbrdf.samples.observations import with_normals
 
@@ -45,6 +46,10 @@ FILTER = Filter(
             help="About how many samples the joint fit holds in memory, about 40 bytes each.",
         ),
         Parameter("near", "bool", True, help="Lights at a finite distance (joint)."),
+        Parameter(
+            "long", "bool", True,
+            help="Tubes: the length of lamps whose blob is elongated (joint).",
+        ),
         Parameter("censoring", "bool", True, help="Clipped samples count as lower bounds (joint)."),
         Parameter(
             "curvature", "float", 0.8, minimum=0.0, maximum=10.0,
@@ -99,9 +104,9 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
         if normals is not None:
             document.set_attribute("refined_normal", normals)
 
-    # Write maps, materials and lights
-    rho_s = np.array([m.rho_s for m in materials] + [np.nan], np.float32)[dense] / 100
-    alpha = np.array([m.alpha for m in materials] + [np.nan], np.float32)[dense]
+    # Write maps, materials and lights; the maps hold what is seen, as under compact lamps
+    seen = np.array([as_seen(m.rho_s, m.alpha, lights) for m in materials] + [(np.nan, np.nan)])
+    rho_s, alpha = seen[dense].astype(np.float32).T / [[100], [1]]
     document.set_attribute("final_diffuse", diffuse)
     document.set_attribute("material_rho_s", rho_s)
     document.set_attribute("material_alpha", alpha)
@@ -113,7 +118,9 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
         "materials",
         {
             "estimator": parameters.estimator,
-            "materials": [_entry(int(k), m) for k, m in zip(ids, materials, strict=True)],
+            "materials": [
+                _entry(int(k), m, s) for k, m, s in zip(ids, materials, seen, strict=False)
+            ],
             "notes": notes,
         },
     )
@@ -132,7 +139,7 @@ def _joint(document, labels, lights, diffuse, parameters: Namespace, progress: P
         found = fit(
             observations, labels, start, turn, _footprint(document, texels),
             rounds=parameters.rounds, samples=parameters.samples, near=parameters.near,
-            censoring=parameters.censoring, curvature=parameters.curvature,
+            long=parameters.long, censoring=parameters.censoring, curvature=parameters.curvature,
             progress=counted(part.part(0, 0.5), "fitting"),
         )  # fmt: skip
         start = found.lights or start
@@ -185,9 +192,10 @@ def _footprint(document: Document, texels: Texels) -> float:
     return float(np.median(sizes)) / texels.radius
 
 
-def _entry(identity: int, material: Material) -> dict:
+def _entry(identity: int, material: Material, seen: np.ndarray) -> dict:
     return {
-        "id": identity, "rho_s": material.rho_s / 100, "alpha": material.alpha,
+        "id": identity, "rho_s": seen[0] / 100, "alpha": seen[1],
+        "rho_s_point": material.rho_s / 100, "alpha_point": material.alpha,
         "texels": material.texels, "observed": material.observed, "reason": material.reason,
         "specular_color": material.color, "z": material.z, "ln_alpha_interval": material.width,
         "explained_variance": material.explained,
@@ -203,5 +211,6 @@ def _outcome(estimator: str, ids, materials: list[Material], lights, notes: list
             else f"unobserved: {m.reason}"
         )
         words.append(f"material {identity}: {number}")
-    near = sum(light.curvature > 0 for light in lights)
-    return "; ".join([f"{estimator}, {len(lights)} lights ({near} near)", *words, *notes])
+    near, long = sum(g.curvature > 0 for g in lights), sum(g.bar.any() for g in lights)
+    kinds = f"{near} near" + (f", {long} long" if long else "")
+    return "; ".join([f"{estimator}, {len(lights)} lights ({kinds})", *words, *notes])

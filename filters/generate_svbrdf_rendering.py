@@ -65,16 +65,22 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
 
 def read_appearance(document: Document) -> list[Appearance]:
     """The maps of the last estimator, one entry per texture."""
-    colors = {m["id"]: m["specular_color"] for m in document.json("materials")["materials"]}
-    table = np.ones((max(colors, default=0) + 2, 3))
-    for identity, color in colors.items():
-        table[identity] = color
+    materials = document.json("materials")["materials"]
+    labels = document.attribute("material")
+    table = np.full((max((m["id"] for m in materials), default=0) + 2, 5), np.nan)
+    for m in materials:
+        table[m["id"]] = [
+            m["rho_s_point"] or np.nan,
+            m["alpha_point"] or np.nan,
+            *m["specular_color"],
+        ]
     texels = document.texels()
-    tints = texels.to_images(table[document.attribute("material")], 1.0)
+    rho_s, alpha = (texels.to_images(column) for column in table[labels, :2].T)
+    tints = texels.to_images(np.nan_to_num(table[labels, 2:], nan=1.0), 1.0)
     normals: list[np.ndarray | None] = [None] * len(tints)
     if "refined_normal" in document.attributes():
         normals = [*texels.to_images(document.attribute("refined_normal"))]
     elif document.has_array("texels_detail"):
         normals = [*texels.to_images(texels.normal)]
-    maps = (document.map("diffuse"), document.map("rho_s"), document.map("alpha"), tints, normals)
+    maps = (document.map("diffuse"), rho_s, alpha, tints, normals)
     return [Appearance(*each) for each in zip(*maps, strict=True)]

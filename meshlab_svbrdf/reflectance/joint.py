@@ -21,6 +21,7 @@ from .evidence import Evidence, highlight_color, verdict, weigh_evidence
 from .fit_samples import FitSamples, choose_texels, collect
 from .light_refinement import refine_lights
 from .lights import Light
+from .long_lamps import fit_lengths
 from .phong import cast_shadows, lamps, light_texels, lobe
 
 FIRST_ALPHA = 100.0
@@ -190,6 +191,7 @@ def fit(
     rounds: int = 10,
     samples: int = 6_000_000,
     near: bool = True,
+    long: bool = True,
     censoring: bool = True,
     curvature: float = 0.8,
     progress: Callable[[int, int], None] = lambda done, total: None,
@@ -204,7 +206,7 @@ def fit(
     footprint : a pixel's size on the object, in radii
     rounds : at most, of elimination, weights and Gauss-Newton; κ is free from the second on. They
         end when no ρs or α moves by more than .1 %
-    near, censoring : near lights; clipped samples as lower bounds
+    near, long, censoring : near lights; long lamps; clipped samples as lower bounds
     curvature : c of "twice the normal's turn per pixel < c/√α"; 0 takes every texel
     """
     count = int(material.max(initial=-1)) + 1
@@ -233,6 +235,13 @@ def fit(
         chosen = np.setdiff1d(chosen, without)
         return _State(observations, collect(observations, chosen, material[chosen]), count, pool)
 
+    def renewed(pool: ThreadPoolExecutor) -> _State:
+        state = gather(pool, samples)
+        state.light(lights)
+        state.predict(rho, alpha)
+        state.reweigh(censoring)
+        return state
+
     with ThreadPoolExecutor(thread_count()) as pool:
         state = gather(pool, samples)
         free = np.full(len(lights), near)
@@ -240,10 +249,7 @@ def fit(
             state.light(lights)
             if r == 2:
                 # Choose the texels anew, now that it is known how flat they must be
-                state = gather(pool, samples)
-                state.light(lights)
-                state.predict(rho, alpha)
-                state.reweigh(censoring)
+                state = renewed(pool)
             # Find ρs and α of every material under the present lights
             profiles = state.profiles()
             rho = np.array([p.rho_s for p in profiles])
@@ -262,6 +268,14 @@ def fit(
                 )  # fmt: skip
             if r == min(SETTLE, rounds - 1):
                 lights, free = _settle(lights, free, error, notes)
+                if long:
+                    few = gather(pool, samples // 8)
+                    lights = fit_lengths(lights, _trial(few, lights, rho, alpha))
+                    points = len(lamps(lights, 1.0).gain)
+                    if points > len(lights):
+                        # Spend no more on rows of points than on single ones
+                        samples = max(samples * len(lights) // points, samples // 8)
+                        state = renewed(pool)
             progress(r + 1, rounds)
         # Now that the lights are known, take ρs and α from the flattest texels
         state = gather(pool, samples, FLATTER * curvature)
@@ -288,6 +302,21 @@ def fit(
         notes.append("no gloss is observed: the lights stay as they were found")
         lights = found
     return JointFit(lights, materials, history, notes)
+
+
+def _trial(
+    few: _State, lights: list[Light], rho: np.ndarray, alpha: np.ndarray
+) -> Callable[[list[Light]], float]:
+    """What is left unexplained under other lights, with the weights of these."""
+    few.light(lights)
+    few.predict(rho, alpha)
+    few.reweigh(True)
+
+    def unexplained(lights: list[Light]) -> float:
+        few.light(lights)
+        return float(sum(p.rss.min() for p in few.profiles()))
+
+    return unexplained
 
 
 def _converged(before: dict, after: dict) -> bool:

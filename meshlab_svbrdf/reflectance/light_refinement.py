@@ -1,4 +1,4 @@
-"""Gauss-Newton on the lights: two tangent angles, ln gain and κ each, texel-centred (method 9).
+"""Gauss-Newton on the lights: direction, ln gain, κ and bar of each, texel-centred (method 9).
 
 Every texel's D_i is eliminated by centring, so that only what varies among a texel's samples
 counts.
@@ -15,7 +15,7 @@ from .fit_samples import FitSamples
 from .lights import Light, tangents
 from .phong import Lamps
 
-PARAMETERS = 4  # per light: two angles, ln gain, κ
+PARAMETERS = 6  # per light: two angles, ln gain, κ, and the bar's two components
 
 
 @njit(cache=True, nogil=True)
@@ -24,8 +24,8 @@ def _normal_equations(
     lamps, frames, rho, alpha, matrix, vector,
 ):  # fmt: skip
     """Add Σ w J̃ᵀJ̃ and Σ w J̃ᵀẽ of the texels first..stop, J̃ and ẽ centred per texel."""
-    lights = gains.shape[1]
-    size = lights * 4
+    lights = len(frames)
+    size = lights * PARAMETERS
     mean_j, jac = np.empty(size), np.empty(size)
     active = np.empty(lights, np.int64)
     for i in range(first, stop):
@@ -40,7 +40,7 @@ def _normal_equations(
             sw += w[j]
             se += w[j] * residual[j]
             count = 0
-            for k in range(lights):
+            for k in range(gains.shape[1]):
                 if gains[i, k] <= 0:
                     continue
                 lx, ly, lz = rays[i, k, 0], rays[i, k, 1], rays[i, k, 2]
@@ -65,22 +65,29 @@ def _normal_equations(
                 gx = a * (alpha[m] * (rx / cos - lx) - 2.0 * lx)
                 gy = a * (alpha[m] * (ry / cos - ly) - 2.0 * ly)
                 gz = a * (alpha[m] * (rz / cos - lz) - 2.0 * lz)
-                b = 4 * k
-                jac[b] = gx * frames[k, 0, 0] + gy * frames[k, 0, 1] + gz * frames[k, 0, 2]
-                jac[b + 1] = gx * frames[k, 1, 0] + gy * frames[k, 1, 1] + gz * frames[k, 1, 2]
-                jac[b + 2] = s
-                jac[b + 3] = -(gx * px + gy * py + gz * pz) / lamps.radius
-                active[count] = k
-                count += 1
+                light = lamps.light[k]
+                f, b = frames[light], PARAMETERS * light
+                if count == 0 or active[count - 1] != light:
+                    active[count] = light
+                    count += 1
+                    jac[b : b + PARAMETERS] = 0.0
+                across = gx * f[0, 0] + gy * f[0, 1] + gz * f[0, 2]
+                up = gx * f[1, 0] + gy * f[1, 1] + gz * f[1, 2]
+                jac[b] += across
+                jac[b + 1] += up
+                jac[b + 2] += s
+                jac[b + 3] -= (gx * px + gy * py + gz * pz) / lamps.radius
+                jac[b + 4] += lamps.along[k] * across
+                jac[b + 5] += lamps.along[k] * up
             if count > 0:
                 touched = True
                 for p in range(count):
-                    for u in range(4 * active[p], 4 * active[p] + 4):
+                    for u in range(PARAMETERS * active[p], PARAMETERS * (active[p] + 1)):
                         wj = w[j] * jac[u]
                         mean_j[u] += wj
                         vector[u] += wj * residual[j]
                         for q in range(count):
-                            for v in range(4 * active[q], 4 * active[q] + 4):
+                            for v in range(PARAMETERS * active[q], PARAMETERS * (active[q] + 1)):
                                 matrix[u, v] += wj * jac[v]
         if touched:
             for u in range(size):
@@ -124,7 +131,8 @@ def refine_lights(
     parts = chunks(work)
     matrix, vector = sum(p[0] for p in parts), sum(p[1] for p in parts)
     free = np.ones(size, bool)
-    free[3::4] = near
+    free[3::PARAMETERS] = near
+    free[4::PARAMETERS] = free[5::PARAMETERS] = [light.bar.any() for light in lights]
     free &= np.diag(matrix) > 0
     delta, error = np.zeros(size), np.full(size, np.inf)
     if free.any():
@@ -136,13 +144,19 @@ def refine_lights(
         error[free] = np.sqrt(variance * np.diag(np.linalg.inv(a + 1e-9 * diagonal)))
     moved = []
     for k, light in enumerate(lights):
-        angles, gain, kappa = np.split(delta[4 * k : 4 * k + 4], [2, 3])
-        angles = angles * min(1.0, step / max(float(np.linalg.norm(angles)), 1e-12))
+        own = delta[PARAMETERS * k : PARAMETERS * (k + 1)]
+        angles, gain, kappa, turn = np.split(own, [2, 3, 4])
+        angles, turn = (
+            x * min(1.0, step / max(float(np.linalg.norm(x)), 1e-12)) for x in (angles, turn)
+        )
+        bar = light.bar + turn @ frames[k]
         direction = light.direction + angles @ frames[k]
+        direction = direction / np.linalg.norm(direction)
         moved.append(
             replace(
                 light,
-                direction=direction / np.linalg.norm(direction),
+                direction=direction,
+                bar=bar - (bar @ direction) * direction,
                 gain=light.gain * float(np.exp(np.clip(gain[0], -1, 1))),
                 curvature=float(
                     np.clip(light.curvature + np.clip(kappa[0], -3 * step, 3 * step), 0, 0.5)
@@ -150,4 +164,4 @@ def refine_lights(
             )
         )
     mean = np.exp(np.mean(np.log([light.gain for light in moved])))
-    return [replace(light, gain=light.gain / mean) for light in moved], error[3::4]
+    return [replace(light, gain=light.gain / mean) for light in moved], error[3::PARAMETERS]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from skimage.measure import label
@@ -23,6 +23,8 @@ class Light:
     gain : relative intensity at the centre; geometric mean 1 over the lights
     curvature : 1/distance from the centre in units of the object's radius; 0 where it is far (κ)
     energy : what it adds up to in the map, for ranking
+    bar : (3,) float64, half of a long lamp's length as seen from the centre: a tangent vector, in
+        units of the distance; 0 for a compact lamp
     """
 
     direction: np.ndarray
@@ -30,6 +32,7 @@ class Light:
     gain: float = 1.0
     curvature: float = 0.0
     energy: float = 0.0
+    bar: np.ndarray = field(default_factory=lambda: np.zeros(3))
 
     def position(self, center: np.ndarray, radius: float) -> np.ndarray | None:
         """Where it stands in the world, (3,), or None where it is far."""

@@ -1,7 +1,8 @@
 """Phong lobes under near lights: what a texel should show of each light (paper eq. 1, method 9).
 
 A light k stands towards d_k as seen from the object's centre c, at the distance 1/κ_k radii. At x
-it is seen along L = d − κ (x − c)/radius, l = L/|L|, with the gain g/|L|².
+it is seen along L = d − κ (x − c)/radius, l = L/|L|, with the gain g/|L|². A long lamp is a row of
+points that share its gain.
 """
 
 from __future__ import annotations
@@ -15,29 +16,49 @@ from ..geometry.visibility import directional_visibility
 from ..samples.observations import Observations, View, fill_visibility, visibility
 from .lights import Light
 
+SPACING = 0.07
+"""Radians between the points of a long lamp: about the width of the sharpest lobes."""
+POINTS_MOST = 12
+
 
 class Lamps(NamedTuple):
-    """The lights as arrays: direction (K, 3) float64 unit, gain (K,) and κ (K,) float64, radius.
+    """The lights' points as arrays; P points of K lights.
 
+    direction : (P, 3) float64; gain, curvature : (P,) float64; light : (P,) which light's they are
+    along : (P,) float64, place on the light's bar, -1 to 1
     lit : (T, K) uint8, which light reaches which texel; or (0, K): the harmonics tell
     """
 
     direction: np.ndarray
     gain: np.ndarray
     curvature: np.ndarray
+    light: np.ndarray
+    along: np.ndarray
     radius: float
     lit: np.ndarray
 
 
 def lamps(lights: list[Light], radius: float, lit: np.ndarray | None = None) -> Lamps:
     """The arrays that kernels read."""
+    places = [_places(light) for light in lights]
+    rows = [g.direction + x[:, None] * g.bar for g, x in zip(lights, places, strict=True)]
+    counts = np.array([len(x) for x in places], np.int64)
     return Lamps(
-        np.array([light.direction for light in lights], np.float64).reshape(-1, 3),
-        np.array([light.gain for light in lights], np.float64),
-        np.array([light.curvature for light in lights], np.float64),
+        np.concatenate([*rows, np.zeros((0, 3))]),
+        np.repeat([light.gain for light in lights], counts) / np.repeat(counts, counts),
+        np.repeat(np.array([light.curvature for light in lights], np.float64), counts),
+        np.repeat(np.arange(len(lights)), counts),
+        np.concatenate([*places, np.zeros(0)]),
         float(radius),
         np.zeros((0, len(lights)), np.uint8) if lit is None else lit,
     )
+
+
+def _places(light: Light) -> np.ndarray:
+    """Points evenly along the bar, at most SPACING apart: (P,) in -1 to 1."""
+    length = 2 * float(np.linalg.norm(light.bar))
+    count = int(np.clip(np.ceil(length / SPACING), 1, POINTS_MOST))
+    return (np.arange(count) + 0.5) / count * 2 - 1
 
 
 def cast_shadows(
@@ -60,7 +81,7 @@ def cast_shadows(
 
 @njit(cache=True, nogil=True)
 def light_texel(view, t, lamps, coefficients, rays, gains):
-    """Fill rays (K, 3) with l_k at texel t, gains (K,) with g_k V_k /|L|²; 0 below the horizon."""
+    """Fill rays (P, 3) with l_k at texel t, gains (P,) with g_k V_k /|L|²; 0 below the horizon."""
     has = fill_visibility(view, t, coefficients)
     for k in range(len(lamps.gain)):
         s = lamps.curvature[k] / lamps.radius
@@ -73,7 +94,7 @@ def light_texel(view, t, lamps, coefficients, rays, gains):
         rays[k, 0], rays[k, 1], rays[k, 2] = x, y, z
         above = view.normal[t, 0] * x + view.normal[t, 1] * y + view.normal[t, 2] * z
         if lamps.lit.shape[0] > 0:
-            seen = np.float32(lamps.lit[t, k])
+            seen = np.float32(lamps.lit[t, lamps.light[k]])
         else:
             seen = visibility(has, coefficients, x, y, z)
         gains[k] = lamps.gain[k] / length2 * seen if above > 0 else 0.0
@@ -101,7 +122,7 @@ def _light_texels(view, texels, lamps, rays, gains):
 
 
 def light_texels(view: View, texels: np.ndarray, lamps: Lamps) -> tuple[np.ndarray, np.ndarray]:
-    """l_k (N, K, 3) and g_k V_k/|L|² (N, K), float32, at some texels (N,)."""
+    """l_k (N, P, 3) and g_k V_k/|L|² (N, P), float32, at some texels (N,)."""
     rays = np.empty((len(texels), len(lamps.gain), 3), np.float32)
     gains = np.empty(rays.shape[:2], np.float32)
     _light_texels(view, texels, lamps, rays, gains)

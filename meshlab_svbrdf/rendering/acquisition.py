@@ -16,8 +16,9 @@ from ..geometry.camera import Camera
 from ..geometry.gutters import fill_gutters
 from ..geometry.mesh import Mesh
 from ..geometry.raster import rasterise
-from ..geometry.visibility import directional_visibility
+from ..geometry.visibility import Rays, directional_visibility
 from ..reflectance.lights import Light
+from ..reflectance.phong import lamps
 
 NEGLIGIBLE = 1e-4
 """Highlights below this share of white are not looked into."""
@@ -96,7 +97,7 @@ class AcquisitionRenderer:
         vertices = mesh.vertices - self.center
         self.mesh = replace(mesh, vertices=vertices, normals=mesh.vertex_normals())
         self.appearance = [_filled(each) for each in appearance]
-        self.lights, self.shadows = lights, shadows
+        self.lights, self.shadows, self.rays = lights, shadows, Rays(self.mesh)
         faces = len(mesh.faces)
         index = np.zeros(faces, np.int32) if mesh.texture_index is None else mesh.texture_index
         self.texture = np.maximum(index, 0)
@@ -158,19 +159,21 @@ class AcquisitionRenderer:
         view /= np.linalg.norm(view, axis=1, keepdims=True)
         mirror = 2 * np.einsum("nd,nd->n", normal, view)[:, None] * normal - view
         specular = np.zeros(len(face))
-        for light in self.lights:
-            toward = light.direction - light.curvature / self.radius * position
+        points = lamps(self.lights, self.radius)
+        for k, (direction, gain) in enumerate(zip(points.direction, points.gain, strict=True)):
+            toward = direction - points.curvature[k] / self.radius * position
             length2 = np.einsum("nd,nd->n", toward, toward)
             toward /= np.sqrt(length2)[:, None]
             cos = np.einsum("nd,nd->n", toward, mirror)
             above = np.einsum("nd,nd->n", toward, normal) > 0
-            amount = np.where(above, rho_s * light.gain / length2 * np.maximum(cos, 0) ** alpha, 0)
+            amount = np.where(above, rho_s * gain / length2 * np.maximum(cos, 0) ** alpha, 0)
             amount[amount < NEGLIGIBLE] = 0
             lit = np.flatnonzero(amount)
             if self.shadows and len(lit):
-                place = light.position(np.zeros(3), self.radius)
-                lights = [(light.direction, place)]
-                visible = directional_visibility(mesh, position[lit], normal[lit], lights)
+                kappa = points.curvature[k]
+                place = None if kappa == 0 else direction * (self.radius / kappa)
+                lights = [(direction, place)]
+                visible = directional_visibility(self.rays, position[lit], normal[lit], lights)
                 amount[lit] *= visible[:, 0]
             specular += amount
         return diffuse + specular[:, None] * tint
