@@ -1,8 +1,11 @@
 """The shell: what it prints, where it writes, how it ends."""
 
 import json
+import os
+import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
@@ -163,6 +166,59 @@ def test_info_tells_what_is_there_and_what_is_older(small_project, tmp_path, cha
     states = {name: product["state"] for name, product in told["products"].items()}
     assert states == {"texels": "up to date", "shade": "older than the texels"}
     assert "result   shade: shaded (older than the texels)" in shell("info", project).stdout
+
+
+def test_info_tells_where_results_are_what_to_run_and_the_materials(small_project, tmp_path, demos):
+    lines = shell("info", small_project).stdout.splitlines()
+    assert f"results  {small_project.with_suffix('.svbrdf')}: none yet" in lines
+
+    table = [
+        {"id": 0, "texels": 12345, "observed": True, "rho_s": 0.25, "alpha": 40.0},
+        {"id": 7, "texels": 9, "observed": False, "rho_s": None, "reason": "no peak"},
+    ]
+    demos["fit"] = Filter(
+        "fit", "Fit", ("texels",), ("material_specular",),
+        apply=lambda document, *_: document.set_json("materials", {"materials": table}),
+    )  # fmt: skip
+    for filter in ("compute_demo_texels", "fit"):
+        shell("apply", small_project, filter)
+    document = Document.open(small_project)
+    document.hold_out()
+    document.apply("compute_demo_texels", size=8)
+    lines = shell("info", small_project).stdout.splitlines()
+    assert "held out f3.png" in lines
+    assert f"results  {small_project.with_suffix('.svbrdf')}" in lines
+    assert "stale    material_specular: run fit again" in lines
+    assert "material 0: 12,345 texels, rho_s 0.25, alpha 40" in lines
+    assert "material 7: 9 texels, unobserved: no peak" in lines
+    assert json.loads(shell("info", small_project, "--json").stdout)["materials"] == table
+
+
+@pytest.mark.parametrize("place", ["NUMBA_CACHE_DIR", "XDG_CACHE_HOME"])
+def test_that_kernels_are_compiled_is_known_wherever_numba_keeps_them(tmp_path, place):
+    code = (
+        "import numpy as np\n"
+        "from meshlab_svbrdf import cli\n"
+        "from meshlab_svbrdf.geometry import texels\n"
+        "print(cli._compiled())\n"
+        "texels._cover(np.zeros((0, 3, 2)), np.zeros(0, np.int64), np.zeros((4, 4), np.int32),\n"
+        "              np.zeros((4, 4, 3), np.float32))\n"
+        "print(cli._compiled())\n"
+    )
+    package = tmp_path / "copy" / "meshlab_svbrdf"
+    shutil.copytree(
+        Path(cli.__file__).parent, package, ignore=shutil.ignore_patterns("__pycache__")
+    )
+    if place == "XDG_CACHE_HOME":  # numba goes there where it cannot write beside the source
+        (package / "geometry" / "__pycache__").write_text("in the way")
+    environment = {**os.environ, place: str(tmp_path / "cache"), "PYTHONPATH": str(package.parent)}
+    environment["PYTHONDONTWRITEBYTECODE"] = "1"
+    told = subprocess.run(
+        [sys.executable, "-c", code], env=environment, cwd=tmp_path, capture_output=True, text=True,
+        check=True,
+    )  # fmt: skip
+    assert told.stdout.split() == ["False", "True"]
+    assert list((tmp_path / "cache").rglob("*.nbi"))
 
 
 def test_rendering_is_a_filter_given_cameras_and_a_folder(small_project, tmp_path, demos):

@@ -40,6 +40,7 @@ A_FILTER = Filter(
         ("float", "-1e3", -1000.0),
         ("float", 2, 2.0),
         ("string", "", ""),
+        ("layer", "scan, full", "scan, full"),
         ("path", "", None),
         ("path", None, None),
         ("path", "a/b.png", Path("a/b.png")),
@@ -49,7 +50,7 @@ A_FILTER = Filter(
     ],
 )
 def test_values_become_what_apply_receives(kind, value, expected):
-    default = {"bool": False, "path": "", "string": ""}.get(kind, 0)
+    default = {"bool": False, "path": "", "string": "", "layer": ""}.get(kind, 0)
     converted = Parameter("p", kind, default).check(value)
     assert converted == expected
     assert type(converted) is type(expected)
@@ -70,6 +71,7 @@ def test_values_become_what_apply_receives(kind, value, expected):
         ("float", None),
         ("float", False),
         ("string", 3),
+        ("layer", None),
         ("path", 3),
         ("length", "x%"),
         ("length", "nan%"),
@@ -81,7 +83,7 @@ def test_values_become_what_apply_receives(kind, value, expected):
     ],
 )
 def test_what_is_no_such_value_is_refused_by_name(kind, value):
-    default = {"bool": False, "path": "", "string": "", "points": ()}.get(kind, 0)
+    default = {"bool": False, "path": "", "string": "", "layer": "", "points": ()}.get(kind, 0)
     with pytest.raises(SvbrdfError, match=r"compute_x: parameter p is .*, expected "):
         Parameter("p", kind, default).check(value, "compute_x")
 

@@ -1,6 +1,8 @@
 """MeshSet: everything pymeshlab can do, our filters, and nobody's data lost."""
 
 import gc
+import subprocess
+import sys
 from pathlib import Path
 
 import cv2
@@ -13,6 +15,7 @@ from meshlab_svbrdf.document.images import read_image
 from meshlab_svbrdf.document.mesh_files import read_mesh, write_ply
 from meshlab_svbrdf.document.project import read_project
 from meshlab_svbrdf.errors import MissingStageError, SvbrdfError
+from meshlab_svbrdf.filter import Filter
 from meshlab_svbrdf.geometry.camera import Camera
 from meshlab_svbrdf.meshset import MeshSet
 
@@ -121,6 +124,47 @@ def test_nothing_is_written_before_save_project(small_project, tmp_path):
     gc.collect()
     assert files(small_project.parent) == before
     assert {p.name for p in (tmp_path / "out").iterdir()} == {"r.mlp", "r.svbrdf"}
+
+
+def test_what_a_process_that_died_left_goes_with_the_next_load(small_project, meshes):
+    here = small_project.parent
+    (mine,) = here.glob(".svbrdf-*")
+    code = (
+        "import os, sys\n"
+        "from meshlab_svbrdf import MeshSet\n"
+        "meshes = MeshSet()\n"
+        "meshes.load_project(sys.argv[1])\n"
+        "os._exit(1)\n"
+    )
+    assert subprocess.run([sys.executable, "-c", code, str(small_project)]).returncode == 1
+    assert len(list(here.glob(".svbrdf-*"))) == 2
+    (here / ".svbrdf-notes").mkdir()
+    other = MeshSet()
+    other.load_project(small_project)
+    left = set(here.glob(".svbrdf-*")) - {mine, here / ".svbrdf-notes"}
+    assert len(left) == 1
+    assert mine.is_dir()
+    assert (here / ".svbrdf-notes").is_dir()
+    assert other._bridge.document.folder.parent in left
+
+
+def test_what_a_filter_hides_stays_hidden(meshes, demos, tmp_path):
+    def hide(document, parameters, progress):
+        document.layers[0].visible = False
+        return "hidden"
+
+    demos["hide"] = Filter("hide", "Hide", ("mesh",), ("hidden",), apply=hide)
+    meshes.create_sphere(subdiv=1)
+    meshes.apply_filter("hide")
+    assert [mesh.is_visible() for mesh in meshes] == [False, True]
+    meshes.set_mesh_visibility(0, True)
+    script = tmp_path / "hide.mlx"
+    script.write_text('<FilterScript><filter name="hide"/></FilterScript>')
+    meshes.set_current_mesh(0)
+    meshes.set_matrix(transformmatrix=np.diag([2, 2, 2, 1.0]))
+    meshes.apply_filter_script(script)
+    assert [mesh.is_visible() for mesh in meshes] == [False, True]
+    assert not meshes.document.layers[0].visible
 
 
 def test_a_saved_project_comes_back_with_its_results(shaded, tmp_path):

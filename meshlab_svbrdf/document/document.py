@@ -318,12 +318,11 @@ def place(path: Path, output: str | Path | None) -> Path:
 
 
 def _results_of(project: Project, path: Path) -> Path | None:
-    """Where a project without a folder of results has its layers of results, if in one folder."""
+    """Where a project without a folder of results has layers that were saved as results."""
     if path.with_suffix(RESULTS).exists():
         return None
-    layers = [Layer(mesh.label, mesh.path) for mesh in project.meshes]
-    folders = {x.path.parent.parent for x in layers if x.path is not None and x.ours}
-    lent = [folder for folder in folders if (folder / RECORD).is_file()]
+    folders = {mesh.path.parent.parent for mesh in project.meshes}
+    lent = [f for f in folders if f.suffix == RESULTS and (f / RECORD).is_file()]
     return lent[0] if len(lent) == 1 else None
 
 

@@ -67,7 +67,7 @@ def restore(project: Project, folder: Path) -> str:
         attributes = sum(_restore_attributes(raster, exact) for raster, exact in pairs)
     placed = sum(_restore_matrix(mesh, matrices.get(mesh.label)) for mesh in project.meshes)
     counts = {"cameras": cameras, "sequences, exposures or masks": attributes, "matrices": placed}
-    return ", ".join(f"{count} {what}" for what, count in counts.items() if count)
+    return ", ".join(f"{what} ({count})" for what, count in counts.items() if count)
 
 
 def _says(raster: RasterEntry, exact: RasterEntry) -> bool:
@@ -98,8 +98,10 @@ def _numbers(camera: ET.Element, name: str) -> np.ndarray:
 def _rounded(values: np.ndarray, exact: np.ndarray) -> bool:
     """Whether each value is the exact one, or that with six digits or in single precision."""
     near = np.abs(values - exact) <= SIX_DIGITS * np.abs(exact)
-    short = [float(f"{value:.6g}") == value for value in values]
-    return bool(np.all(near & (short | (values == exact) | (values == np.float32(values)))))
+    with np.errstate(over="ignore"):
+        single = values.astype(np.float32) == exact.astype(np.float32)
+    six = np.array([float(f"{value:.6g}") == value for value in values])
+    return bool(np.all(near & (single | six)))
 
 
 def _restore_camera(raster: RasterEntry, exact: RasterEntry) -> bool:

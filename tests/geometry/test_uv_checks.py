@@ -1,6 +1,7 @@
 """Texture coordinates: exact counts on charts drawn by hand."""
 
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -113,6 +114,57 @@ def test_each_texture_is_counted_on_its_own():
     missing = check_uv(both, SIZE)
     assert missing.missing_texture_faces == 2
     assert not missing.ok
+
+
+def grid(cells):
+    """A flat square of 2 · cells² triangles whose texture coordinates are its x and y."""
+    x, y = np.meshgrid(np.arange(cells + 1), np.arange(cells + 1))
+    vertices = np.column_stack([x.ravel(), y.ravel(), 0 * x.ravel()]) / cells
+    corner = (np.arange(cells)[:, None] * (cells + 1) + np.arange(cells)).ravel()
+    right, above = corner + 1, corner + cells + 1
+    faces = np.vstack([np.column_stack([corner, right, above + 1]),
+                       np.column_stack([corner, above + 1, above])]).astype(np.int32)  # fmt: skip
+    return Mesh(vertices, faces, uv=vertices[faces][..., :2])
+
+
+def test_whole_charts_have_no_seams_and_two_halves_have_one():
+    mesh = grid(8)
+    report = check_uv(mesh, SIZE)
+    assert (report.seam_share, report.skewed_share, report.starved_share) == (0, 0, 0)
+    right = mesh.vertices[mesh.faces].mean(1)[:, 0] > 0.5
+    halves = mesh.uv * [0.4, 1] + right[:, None, None] * [0.2, 0]
+    report = check_uv(replace(mesh, uv=halves), SIZE)
+    inner = 2 * 7 + 8 * np.sqrt(2)  # the lengths of edges between two faces, the seam is 1
+    assert report.seam_share == pytest.approx(1 / inner)
+    assert report.skewed_share == 1  # 2.5 times as high as wide
+    assert not report.torn
+    turned = (mesh.uv - 0.5) @ np.array([[0.6, 0.8], [-0.8, 0.6]]) * [0.6, 0.4] + 0.5
+    assert check_uv(replace(mesh, uv=turned), SIZE).skewed_share == 0
+
+
+def test_faces_with_next_to_no_texels_are_told_by_their_area():
+    mesh = grid(8)
+    small = np.where(mesh.vertices[mesh.faces].mean(1)[:, 0] > 0.75, 0.2, 1.0)[:, None, None]
+    report = check_uv(replace(mesh, uv=mesh.uv * small), SIZE)
+    assert report.starved_share == pytest.approx(0.25)
+    assert not report.ok
+    assert "25 % of the surface has next to no texels" in report.message
+    assert check_uv(replace(mesh, uv=mesh.uv * np.maximum(small, 0.3)), SIZE).starved_share == 0
+    lost = np.where(small < 1, 0.0, mesh.uv)
+    assert check_uv(replace(mesh, uv=lost), SIZE).starved_share == pytest.approx(0.25)
+
+
+def test_charts_in_pieces_that_no_longer_fit_are_torn():
+    mesh = grid(8)
+    rng = np.random.default_rng(5)
+    pieces = mesh.uv[:, :1] + 0.02 * rng.standard_normal(mesh.uv.shape)
+    report = check_uv(replace(mesh, uv=np.clip(pieces, 0, 1)), SIZE)
+    assert report.seam_share > 0.9
+    assert report.torn
+    assert not report.ok
+    assert "The charts are torn" in report.message
+    whole = check_uv(replace(mesh, uv=mesh.uv + 0 * pieces), SIZE)
+    assert not whole.torn
 
 
 def test_a_mesh_without_coordinates_is_refused():
