@@ -9,19 +9,16 @@ from meshlab_svbrdf.filter import Filter, Namespace, Parameter
 from meshlab_svbrdf.geometry.texels import Texels
 from meshlab_svbrdf.progress import Progress
 from meshlab_svbrdf.reflectance.density import highest_bell
-from meshlab_svbrdf.reflectance.diffuse_refit import refit_diffuse
+from meshlab_svbrdf.reflectance.estimate import Estimate, estimate
 from meshlab_svbrdf.reflectance.fit_samples import normal_turn
-from meshlab_svbrdf.reflectance.joint import Material, fit
+from meshlab_svbrdf.reflectance.joint import Material
+from meshlab_svbrdf.reflectance.lights import Light
 from meshlab_svbrdf.reflectance.long_lamps import as_seen
-from meshlab_svbrdf.reflectance.normal_refinement import refine_normals
-from meshlab_svbrdf.samples.observations import with_normals
 
 from ._lights import set_lights
 from ._maps import set_diffuse_maps, set_scalar_map
 from ._materials import read_labels
-from ._stages import counted, read_lights_found, read_observations
-
-OUTER_ROUNDS = 2  # of correcting normals and fitting again
+from ._stages import read_lights_found, read_observations
 
 FILTER = Filter(
     name="compute_svbrdf_material_specular",
@@ -98,11 +95,11 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
         materials = [_bell(document, dense == m, parameters) for m in range(len(ids))]
         notes = []
     else:
-        materials, notes, lights, diffuse, normals = _joint(
-            document, dense, lights, diffuse, parameters, progress
-        )
-        if normals is not None:
-            document.set_attribute("refined_normal", normals)
+        found = _joint(document, dense, lights, diffuse, parameters, progress)
+        materials, notes, lights = found.materials, found.notes, found.lights
+        diffuse = found.diffuse
+        if found.normal is not None:
+            document.set_attribute("refined_normal", found.normal)
 
     # Write maps, materials and lights; the maps hold what is seen, as under compact lamps
     seen = np.array([as_seen(m.rho_s, m.alpha, lights) for m in materials] + [(np.nan, np.nan)])
@@ -127,44 +124,20 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
     return _outcome(parameters.estimator, ids, materials, lights, notes)
 
 
-def _joint(document, labels, lights, diffuse, parameters: Namespace, progress: Progress):
-    """Materials, notes, lights, diffuse colour and, where they were refined, normals."""
+def _joint(
+    document: Document, labels: np.ndarray, lights: list[Light], diffuse: np.ndarray,
+    parameters: Namespace, progress: Progress,
+) -> Estimate:  # fmt: skip
+    mesh = document.mesh()
     observations = read_observations(document, rays=parameters.shadows == "rays")
-    mesh, notes = document.mesh(), []
     texels = observations.texels
     turn = np.einsum("tc,tc->t", texels.barycentric, normal_turn(mesh)[mesh.faces[texels.face]])
-    start = lights
-    for outer in range(1 + OUTER_ROUNDS):
-        part = progress.part(0.25 * outer, 0.25 * (outer + 1))
-        found = fit(
-            observations, labels, start, turn, _footprint(document, texels),
-            rounds=parameters.rounds, samples=parameters.samples, near=parameters.near,
-            long=parameters.long, censoring=parameters.censoring, curvature=parameters.curvature,
-            progress=counted(part.part(0, 0.5), "fitting"),
-        )  # fmt: skip
-        start = found.lights or start
-        columns = [(m.rho_s, m.alpha, m.noise) for m in found.materials]
-        rho_s, alpha, noise = np.array(columns).reshape(-1, 3).T
-        if parameters.normals == "keep" or outer == OUTER_ROUNDS:
-            break
-        better = refine_normals(
-            observations, labels, rho_s, alpha, noise, start,
-            progress=counted(part.part(0.5, 1), "normals"),
-        )  # fmt: skip
-        if better.sigma == 0:
-            break
-        notes.append(
-            f"normals corrected by {np.degrees(better.turned):.2f}°, which takes {better.gain:.0%} "
-            "of the error from unseen samples"
-        )
-        observations = with_normals(observations, better.normal)
-    diffuse = refit_diffuse(
-        observations, diffuse, labels, rho_s, alpha,
-        np.array([m.color for m in found.materials]).reshape(-1, 3), start,
-        counted(progress.part(0.75, 0.95), "diffuse colour"),
+    return estimate(
+        observations, labels, lights, diffuse, turn, _footprint(document, texels),
+        correct_normals=parameters.normals == "auto", rounds=parameters.rounds,
+        samples=parameters.samples, near=parameters.near, long=parameters.long,
+        censoring=parameters.censoring, curvature=parameters.curvature, progress=progress,
     )  # fmt: skip
-    normals = observations.view.normal if notes else None
-    return found.materials, notes + found.notes, found.lights or lights, diffuse, normals
 
 
 def _bell(document: Document, own: np.ndarray, parameters: Namespace) -> Material:

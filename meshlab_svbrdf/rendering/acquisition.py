@@ -159,9 +159,9 @@ class AcquisitionRenderer:
         view /= np.linalg.norm(view, axis=1, keepdims=True)
         mirror = 2 * np.einsum("nd,nd->n", normal, view)[:, None] * normal - view
         specular = np.zeros(len(face))
-        points = lamps(self.lights, self.radius)
-        for k, (direction, gain) in enumerate(zip(points.direction, points.gain, strict=True)):
-            toward = direction - points.curvature[k] / self.radius * position
+        bulbs = lamps(self.lights, self.radius)
+        for k, (direction, gain) in enumerate(zip(bulbs.direction, bulbs.gain, strict=True)):
+            toward = direction - bulbs.curvature[k] / self.radius * position
             length2 = np.einsum("nd,nd->n", toward, toward)
             toward /= np.sqrt(length2)[:, None]
             cos = np.einsum("nd,nd->n", toward, mirror)
@@ -170,7 +170,7 @@ class AcquisitionRenderer:
             amount[amount < NEGLIGIBLE] = 0
             lit = np.flatnonzero(amount)
             if self.shadows and len(lit):
-                kappa = points.curvature[k]
+                kappa = bulbs.curvature[k]
                 place = None if kappa == 0 else direction * (self.radius / kappa)
                 lights = [(direction, place)]
                 visible = directional_visibility(self.rays, position[lit], normal[lit], lights)

@@ -22,7 +22,8 @@ from meshlab_svbrdf.geometry.camera import Camera
 from meshlab_svbrdf.reflectance.diffuse import diffuse_color
 from meshlab_svbrdf.reflectance.diffuse_refit import refit_diffuse
 from meshlab_svbrdf.reflectance.environment import environment_map
-from meshlab_svbrdf.reflectance.joint import _huber_scale, _predict, _reweigh, _settle, fit
+from meshlab_svbrdf.reflectance.fit_state import _predict, _reweigh, huber_scale
+from meshlab_svbrdf.reflectance.joint import _settle, fit
 from meshlab_svbrdf.reflectance.lights import lights_by_peaks, tangents
 from meshlab_svbrdf.reflectance.threshold import luminance_threshold
 
@@ -362,7 +363,7 @@ def test_scale_of_outliers_is_robust_and_has_a_floor(scene):
     owner = np.repeat(scene.material, np.diff(samples.offsets))
     residual = np.where(owner == 0, 2.0, np.where(owner == 1, 0.01, np.nan))
     residual[np.flatnonzero(owner == 0)[::3]] = 1e6
-    scale = _huber_scale(samples, residual, (owner < 2).astype(float), 4)
+    scale = huber_scale(samples, residual, (owner < 2).astype(float), 4)
     np.testing.assert_allclose(scale, [1.68 * 2, 0.3, 0.3, 0.3])
 
 

@@ -1,0 +1,89 @@
+"""The joint estimate from beginning to end: fit, correct normals, fit again, take D anew."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..samples.observations import Observations, with_normals
+from .diffuse_refit import refit_diffuse
+from .joint import Material, fit
+from .lights import Light
+from .normal_refinement import refine_normals
+
+CORRECTIONS = 2
+"""At most, of the normals; after each everything is fitted again."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """The reflectance of an object.
+
+    materials : one per id; lights : with gains of geometric mean 1
+    diffuse : (T, 3) float32, linear RGB 0..100, the lobes taken off
+    normal : (T, 3) float32, corrected; None where they are kept
+    notes : what is to be said about it
+    """
+
+    materials: list[Material]
+    lights: list[Light]
+    diffuse: np.ndarray
+    normal: np.ndarray | None
+    notes: list[str]
+
+
+def estimate(
+    observations: Observations,
+    material: np.ndarray,
+    lights: list[Light],
+    diffuse: np.ndarray,
+    turn: np.ndarray,
+    footprint: float,
+    *,
+    correct_normals: bool = True,
+    progress: Callable[[float, str], None] = lambda share, what: None,
+    **options,
+) -> Estimate:
+    """Materials, lights, diffuse colour and normals that explain the samples together.
+
+    Parameters
+    ----------
+    material : (T,) int32, -1 for none; lights : from the environment map
+    diffuse : (T, 3), the statistical D; it stays where a material is unobserved
+    turn, footprint, options : see `joint.fit`
+    """
+
+    def part(start: float, stop: float, what: str) -> Callable[[int, int], None]:
+        return lambda done, total: progress(start + (stop - start) * done / max(total, 1), what)
+
+    notes: list[str] = []
+    step = 0.75 / (1 + CORRECTIONS)
+    for k in range(1 + CORRECTIONS):
+        found = fit(
+            observations, material, lights, turn, footprint, **options,
+            progress=part(step * k, step * (k + 0.5), "fitting"),
+        )  # fmt: skip
+        lights = found.lights or lights
+        columns = [(m.rho_s, m.alpha, m.noise, *m.color) for m in found.materials]
+        rho_s, alpha, noise, *color = np.array(columns).reshape(-1, 6).T
+        if not correct_normals or k == CORRECTIONS:
+            break
+        better = refine_normals(
+            observations, material, rho_s, alpha, noise, lights,
+            progress=part(step * (k + 0.5), step * (k + 1), "normals"),
+        )  # fmt: skip
+        if better.sigma == 0:
+            break
+        notes.append(
+            f"normals corrected by {np.degrees(better.turned):.2f}°, which takes {better.gain:.0%} "
+            "of the error from unseen samples"
+        )
+        observations = with_normals(observations, better.normal)
+    refitted = refit_diffuse(
+        observations, diffuse, material, rho_s, alpha, np.transpose(color), lights,
+        part(0.75, 0.95, "diffuse colour"),
+    )  # fmt: skip
+    normal = observations.view.normal if notes else None
+    return Estimate(found.materials, lights, refitted, normal, notes + found.notes)

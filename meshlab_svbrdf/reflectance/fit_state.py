@@ -1,0 +1,124 @@
+"""The joint fit's samples with what it presently makes of them: weights, lobes, residuals."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+from numba import njit
+
+from ..samples.observations import Observations
+from .elimination import Profile, eliminate, profile
+from .fit_samples import FitSamples
+from .lights import Light
+from .phong import cast_shadows, lamps, light_texels, lobe
+
+
+@njit(cache=True, nogil=True)
+def _predict(
+    first, stop, offsets, material, y, mirror, rays, gains, rho, alpha, w, specular, residual
+):  # fmt: skip
+    """S and e = y − D − S with each texel's D; `w` holds the weights of the round before."""
+    for i in range(first, stop):
+        m = material[i]
+        top, bottom = 0.0, 0.0
+        for j in range(offsets[i], offsets[i + 1]):
+            s = 0.0
+            if rho[m] > 0:
+                s = rho[m] * lobe(
+                    mirror[j, 0], mirror[j, 1], mirror[j, 2], rays[i], gains[i], alpha[m]
+                )
+            specular[j] = s
+            weight = w[j] / (1.0 + (s * 0.1) ** 2)
+            top += weight * (y[j] - s)
+            bottom += weight
+        diffuse = top / bottom if bottom > 0 else 0.0
+        for j in range(offsets[i], offsets[i + 1]):
+            residual[j] = y[j] - diffuse - specular[j] if bottom > 0 else 0.0
+
+
+@njit(cache=True, nogil=True)
+def _reweigh(
+    first, stop, offsets, material, quality, clipped, specular, residual, scale, use_clipped, w
+):
+    """w = q · huber, h = h0 + .2 S; a clipped sample counts only if it was predicted too dark."""
+    for i in range(first, stop):
+        h0 = scale[material[i]]
+        for j in range(offsets[i], offsets[i + 1]):
+            e = residual[j]
+            if clipped[j] and not (use_clipped and e > 0):
+                w[j] = 0.0
+                continue
+            h = h0 + 0.2 * specular[j]
+            w[j] = quality[j] * min(1.0, h / max(abs(e), 1e-9))
+
+
+class Chunks:
+    """Maps work over ranges of texels on all cores; the ranges do not depend on the threads."""
+
+    def __init__(self, texels: int, pool: ThreadPoolExecutor, pieces: int = 16):
+        edges = np.linspace(0, texels, pieces + 1).astype(int)
+        self.ranges = list(zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True))
+        self.pool = pool
+
+    def __call__(self, work: Callable[[int, int], object]) -> list:
+        return list(self.pool.map(lambda r: work(*r), self.ranges))
+
+
+def huber_scale(
+    samples: FitSamples, residual: np.ndarray, weight: np.ndarray, materials: int
+) -> np.ndarray:
+    """h0 = max(.3, 1.68 · median |e|) of each material."""
+    owner = np.repeat(samples.material, np.diff(samples.offsets))
+    scale = np.full(materials, 0.3)
+    for m in range(materials):
+        e = np.abs(residual[(owner == m) & (weight > 0)])
+        if len(e):
+            scale[m] = max(0.3, 1.68 * float(np.median(e)))
+    return scale
+
+
+class FitState:
+    """The arrays of one set of samples that the rounds go over."""
+
+    def __init__(
+        self,
+        observations: Observations,
+        samples: FitSamples,
+        materials: int,
+        pool: ThreadPoolExecutor,
+    ):
+        self.observations, self.samples, self.materials = observations, samples, materials
+        self.position = observations.view.position[samples.texel]
+        self.chunks = Chunks(len(samples.texel), pool)
+        self.weight = np.where(samples.clipped, 0, samples.quality).astype(np.float32)
+        self.specular = np.zeros(len(samples), np.float32)
+        self.residual = np.zeros(len(samples), np.float32)
+
+    def light(self, lights: list[Light]) -> None:
+        texels, own = self.samples.texel, self.observations
+        self.lamps = lamps(lights, own.texels.radius, cast_shadows(own, texels, lights))
+        self.rays, self.gains = light_texels(own.view, texels, self.lamps)
+
+    def profiles(self) -> list[Profile]:
+        sums = eliminate(
+            self.samples, self.weight, self.rays, self.gains, self.materials, self.chunks
+        )
+        return [profile(s) for s in sums]
+
+    def predict(self, rho: np.ndarray, alpha: np.ndarray) -> None:
+        s = self.samples
+        self.chunks(lambda a, b: _predict(
+            a, b, s.offsets, s.material, s.luminance, s.mirror, self.rays, self.gains, rho, alpha,
+            self.weight, self.specular, self.residual,
+        ))  # fmt: skip
+
+    def reweigh(self, use_clipped: bool) -> np.ndarray:
+        s = self.samples
+        scale = huber_scale(s, self.residual, self.weight, self.materials)
+        self.chunks(lambda a, b: _reweigh(
+            a, b, s.offsets, s.material, s.quality, s.clipped, self.specular, self.residual,
+            scale, use_clipped, self.weight,
+        ))  # fmt: skip
+        return scale
