@@ -27,10 +27,12 @@ from totems import (
 
 from meshlab_svbrdf.document.document import Document
 from meshlab_svbrdf.document.images import read_frame, read_image, write_png
-from meshlab_svbrdf.document.mesh_files import read_mesh, write_ply
+from meshlab_svbrdf.document.layers import Layer
+from meshlab_svbrdf.document.mesh_files import MeshFile, read_mesh, write_ply
 from meshlab_svbrdf.errors import DocumentError, SvbrdfError
 from meshlab_svbrdf.geometry.mesh import Mesh
 from meshlab_svbrdf.geometry.normal_maps import apply_normal_map
+from meshlab_svbrdf.meshlab import pull, push
 
 BAKE = "transfer_svbrdf_normals"
 
@@ -95,12 +97,73 @@ def test_a_scan_without_charts_is_parametrised_and_saved_with_them(walk, scan, t
     assert meshes.current_mesh().has_wedge_tex_coord()
 
 
+def simplified(mesh: Mesh, faces: int) -> Mesh:
+    """By MeshLab, without regard to the texture coordinates."""
+    meshes = pymeshlab.MeshSet()
+    identity = push(meshes, Layer("scan", content=MeshFile(mesh)))
+    meshes.meshing_decimation_quadric_edge_collapse(targetfacenum=faces)
+    return pull(meshes, identity).mesh
+
+
+def on_its_charts(document: Document, size: int) -> None:
+    """Texels lie where the object's texture coordinates say."""
+    texels, mesh = document.texels(), document.mesh()
+    place = np.einsum("tc,tcd->td", texels.barycentric, mesh.uv[texels.face])
+    np.testing.assert_allclose(place[:, 0] * size - 0.5, texels.col, atol=1e-3)
+
+
+def test_charts_torn_by_simplification_are_told_and_made_anew(walk, scan, tmp_path):
+    torn = simplified(scan, len(scan.faces) // 10)
+    document = Document.open(with_mesh(walk, tmp_path / "in", torn), tmp_path / "out")
+    first = document.apply(TEXELS, texture_size=192).message
+    assert "The charts are torn" in first
+    few = len(document.texels())
+
+    # New charts take the place of the file's, in this process and for the next
+    always = {"texture_size": 192, "parametrise": "always"}
+    said = run(document, DIFFUSE, **{TEXELS: always})[TEXELS].message
+    assert "parametrised, as asked" in said
+    assert "torn" not in said
+    assert len(document.texels()) > few
+    uv = document.mesh().uv
+    again = Document.open(document.save())
+    np.testing.assert_allclose(again.mesh().uv, uv, atol=1e-7)
+    np.testing.assert_allclose(again.object_layer().read().mesh.uv, uv, atol=1e-7)
+    assert all(again.stale(product) == "" for product in again.results.record["products"])
+    assert again.apply(TEXELS, **always).skipped
+
+    # Charts of another size replace them
+    assert not again.apply(TEXELS, texture_size=160, parametrise="always").skipped
+    assert again.stale("texels") == ""
+    on_its_charts(again, 160)
+
+    # The file's own come back when asked for
+    again = Document.open(again.save())
+    assert run(again, DIFFUSE, **{TEXELS: {"texture_size": 192}})[TEXELS].message == first
+    last = Document.open(again.save())
+    assert all(last.stale(product) == "" for product in last.results.record["products"])
+    for mesh in (last.mesh(), last.object_layer().read().mesh):
+        np.testing.assert_array_equal(mesh.uv.astype(np.float32), torn.uv.astype(np.float32))
+
+
+def test_charts_of_another_size_replace_those_of_a_scan_without(walk, scan, tmp_path):
+    project = with_mesh(walk, tmp_path / "in", replace(scan, uv=None))
+    document = Document.open(project, tmp_path / "out")
+    run(document, DIFFUSE, **{TEXELS: {"texture_size": 192}})
+    again = Document.open(document.save())
+    assert "parametrised, for the mesh has no" in again.apply(TEXELS, texture_size=160).message
+    assert again.stale("texels") == ""
+    on_its_charts(again, 160)
+    with pytest.raises(SvbrdfError, match=r"'totem' has no texture coordinates.*parametrise=auto"):
+        again.apply(TEXELS, parametrise="never")
+
+
 def test_charts_that_overlap_stop_the_run_unless_that_is_asked_for(walk, scan, tmp_path):
     half = len(scan.faces) // 2
     uv = scan.uv.copy()
     uv[half : 2 * half] = uv[:half]
     document = Document.open(with_mesh(walk, tmp_path / "in", replace(scan, uv=uv)), tmp_path)
-    with pytest.raises(SvbrdfError, match=r"overlapping charts.*allow_overlap=true"):
+    with pytest.raises(SvbrdfError, match=r"overlapping charts.*parametrise=always"):
         document.apply(TEXELS, texture_size=64)
     assert not document.has("texels")
     said = document.apply(TEXELS, texture_size=64, allow_overlap=True)
@@ -267,6 +330,30 @@ def test_later_stages_and_renderings_see_baked_normals(
     found = [[light["direction"] for light in d.json("lights")["lights"]] for d in (document, one)]
     assert angle(*np.array(found)).max() < 0.25  # measured .15
     render_view(document, walk, tmp_path)
+
+
+def test_a_changed_source_makes_what_follows_stale(with_detail):
+    document = with_detail(cut=-9.0)
+    document.apply(BAKE, source="scan")
+    later = (VISIBILITY, SAMPLES)
+    for name in later:
+        document.apply(name)
+    document = Document.open(document.save())
+    assert document.stale("samples") == ""
+    layer = next(layer for layer in document.layers if layer.label == "scan")
+    mesh = layer.read().mesh
+    layer.content = replace(layer.content, mesh=replace(mesh, vertices=mesh.vertices * 1.001))
+    assert document.stale("samples") == "layer scan"
+    with pytest.raises(SvbrdfError, match=f"but the layer scan changed since: run {TEXELS}"):
+        document.apply(BAKE, source="scan")
+    run(document, TEXELS, **sized(WALK))
+    document.apply(BAKE, source="scan")
+    assert document.stale("texels") == ""
+    assert not any(document.apply(name).skipped for name in later)
+
+    # Where the detailed layer goes away, as MeshLab's saving drops hidden ones, results stay
+    document.layers.remove(layer)
+    assert document.stale("samples") == ""
 
 
 def test_a_wrong_or_distant_source_is_told(with_detail):
