@@ -20,7 +20,6 @@ from totems import (
     film,
     run,
     sized,
-    solved,
 )
 from typer.testing import CliRunner
 
@@ -39,7 +38,7 @@ def truth(tmp_path_factory) -> Path:
 
 
 @pytest.fixture
-def result_of(tmp_path_factory, truth):
+def result_of(tmp_path_factory, tmp_path, truth):
     """The result of an estimator, with automatic clusters or the true segmentation."""
 
     def solve(estimator: str, segmentation: str) -> Document:
@@ -48,7 +47,7 @@ def result_of(tmp_path_factory, truth):
             given[GLOSS] = {"estimator": "paper"}
         if segmentation == "truth":
             given[MATERIALS] = {"image": str(truth / "material_id.png")}
-        return Document.open(solved(tmp_path_factory, VIDEO, **given))
+        return copied(tmp_path_factory, VIDEO, tmp_path / f"{estimator} {segmentation}", **given)
 
     return solve
 
@@ -58,18 +57,18 @@ def result_of(tmp_path_factory, truth):
 
 @per_case
 def test_every_light_is_found_and_no_other(result_of, truth, estimator, segmentation):
-    """Measured: joint .063°, ln gain .007, ln distance .019; paper 1.07°, .24 (all gains are 1)."""
+    """Measured: joint .040°, ln gain .006, ln distance .013; paper 1.07°, .24 (all gains are 1)."""
     score = scores.lights(result_of(estimator, segmentation), truth)
     assert (score.missed, score.false) == (0, 0)
     assert score.angle < {"joint": 0.1, "paper": 1.3}[estimator]
-    assert score.ln_gain < {"joint": 0.025, "paper": 0.3}[estimator]
+    assert score.ln_gain < {"joint": 0.02, "paper": 0.3}[estimator]
     if estimator == "joint":
         assert score.ln_distance < 0.03
 
 
 @per_case
 def test_diffuse_colour(result_of, truth, estimator, segmentation):
-    """Measured ΔE2000, mean, median and 95 %: joint 1.22, .79, 3.99; paper 1.40, .89, 4.57."""
+    """Measured ΔE2000, mean, median and 95 %: joint 1.20, .78, 3.95; paper 1.40, .89, 4.57."""
     error = scores.diffuse(result_of(estimator, segmentation), truth)
     found = np.array([error.mean(), np.median(error), np.quantile(error, 0.95)])
     assert (found < {"joint": [1.3, 0.85, 4.3], "paper": [1.5, 0.95, 4.9]}[estimator]).all()
@@ -77,7 +76,7 @@ def test_diffuse_colour(result_of, truth, estimator, segmentation):
 
 @per_case
 def test_gloss(result_of, truth, estimator, segmentation):
-    """Measured worst |ln rho_s|, |ln alpha|: joint .044, .046; paper .28 (truth: .17), .19."""
+    """Measured worst |ln rho_s|, |ln alpha|: joint .048, .050; paper .28 (truth: .17), .19."""
     found = scores.gloss(result_of(estimator, segmentation), truth)
     for name in ("glaze", "bronze"):
         assert found[name].observed > 0.9
@@ -131,7 +130,7 @@ def test_nothing_runs_twice(result_of):
 
 
 def test_a_changed_parameter_runs_again_what_depends_on_it(tmp_path_factory, tmp_path):
-    document = copied(solved(tmp_path_factory, VIDEO), tmp_path)
+    document = copied(tmp_path_factory, VIDEO, tmp_path)
     outcomes = run(document, **sized(VIDEO), **{LIGHTS: {"level": 0.4}})
     again = {name for name, outcome in outcomes.items() if not outcome.skipped}
     assert again == {LIGHTS, PEAKS, GLOSS}
@@ -142,14 +141,17 @@ def test_a_changed_parameter_runs_again_what_depends_on_it(tmp_path_factory, tmp
 
 
 def test_the_same_film_gives_the_same_result_to_the_last_bit(tmp_path_factory, tmp_path):
-    document = copied(solved(tmp_path_factory, VIDEO), tmp_path)
+    document = copied(tmp_path_factory, VIDEO, tmp_path)
     before = contents(document.folder)
     for name in CHAIN:
         given = sized(VIDEO).get(name, {})
         assert not document.apply(name, force=True, **given).skipped
     after = contents(document.folder)
-    assert before.keys() == after.keys()
-    assert {name for name in before if before[name] != after[name]} <= {"svbrdf.json"}
+    made = document.results.files()
+    assert len(made) > 40
+    for name in before:
+        if name in made or name.startswith("samples/"):
+            assert after[name] == before[name], name
 
 
 def test_the_shell_runs_it_all(tmp_path_factory, tmp_path):

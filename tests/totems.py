@@ -88,27 +88,26 @@ def sized(options: Options, **given: dict[str, Any]) -> dict[str, dict[str, Any]
 
 
 def solved(factory, options: Options, **given: dict[str, Any]) -> Path:
-    """The project with the results of the whole chain; not to be changed."""
-    source = film(factory, options)
+    """The project with the results of the whole chain, to be looked at and not to be changed."""
 
     def make(folder: Path) -> None:
-        document = Document.open(source, folder / "result")
         if given:  # go on from the plain result
-            document.move_to(folder / "result" / "totem.mlp")
-            plain = solved(factory, options).with_suffix(".svbrdf")
-            shutil.copytree(plain, document.folder, copy_function=os.link)
-            document = Document.open(source, folder / "result")
+            document = copied(factory, options, folder / "result")
+        else:
+            document = Document.open(film(factory, options), folder / "result")
         run(document, **sized(options, **given))
         document.save()
 
     return once(factory, f"{options} {given}", make) / "result" / "totem.mlp"
 
 
-def copied(project: Path, folder: Path) -> Document:
-    """A document on a copy of a result."""
-    document = Document.open(project)
-    document.move_to(folder / project.name, link=True)
-    return document
+def copied(factory, options: Options, folder: Path, **given: dict[str, Any]) -> Document:
+    """A copy of a result, for a test to change or to apply filters to."""
+    results = solved(factory, options, **given).with_suffix(".svbrdf")
+    shutil.copytree(
+        results, folder / results.name, copy_function=os.link, ignore=lambda *_: [".lock"]
+    )
+    return Document.open(film(factory, options), folder)
 
 
 def contents(folder: Path) -> dict[str, str]:

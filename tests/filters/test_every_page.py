@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from totems import CHAIN, DIFFUSE, SAMPLES, TEXELS, WALK, contents, copied, film, run, sized, solved
+from totems import CHAIN, DIFFUSE, SAMPLES, TEXELS, WALK, contents, copied, film, run, sized
 
 from meshlab_svbrdf import registry
 from meshlab_svbrdf.document.document import Document
@@ -18,7 +18,7 @@ NEEDS = [(name, need) for name in OURS for need in FILTERS[name].needs if need n
 
 @pytest.fixture
 def result(tmp_path_factory, tmp_path) -> Document:
-    return copied(solved(tmp_path_factory, WALK), tmp_path)
+    return copied(tmp_path_factory, WALK, tmp_path)
 
 
 def test_the_chain_runs_filters_after_those_that_they_need():

@@ -19,7 +19,6 @@ from totems import (
     film,
     run,
     sized,
-    solved,
     with_mesh,
 )
 
@@ -32,12 +31,12 @@ GREY = 118
 
 @pytest.fixture
 def result(tmp_path_factory, tmp_path) -> Document:
-    return copied(solved(tmp_path_factory, VIDEO), tmp_path / "result")
+    return copied(tmp_path_factory, VIDEO, tmp_path / "result")
 
 
 @pytest.fixture
 def walk(tmp_path_factory, tmp_path) -> Document:
-    return copied(solved(tmp_path_factory, WALK), tmp_path / "walk")
+    return copied(tmp_path_factory, WALK, tmp_path / "walk")
 
 
 # Environment

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
-from totems import GLOSS, MATERIALS, WALK, by_texel, contents, copied, film, solved
+from totems import GLOSS, MATERIALS, WALK, by_texel, contents, copied, film
 
 from meshlab_svbrdf.document.document import Document
 from meshlab_svbrdf.document.images import read_image, write_png
@@ -16,7 +16,7 @@ MERGE, SPLIT = "apply_svbrdf_material_merge", "apply_svbrdf_material_split"
 
 @pytest.fixture
 def result(tmp_path_factory, tmp_path) -> Document:
-    return copied(solved(tmp_path_factory, WALK), tmp_path / "result")
+    return copied(tmp_path_factory, WALK, tmp_path / "result")
 
 
 @pytest.fixture

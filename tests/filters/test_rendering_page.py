@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 from scores import KERNEL, psnr
-from totems import GLOSS, VIDEO, contents, copied, edited, film, solved
+from totems import GLOSS, VIDEO, contents, copied, edited, film
 
 from meshlab_svbrdf.document.document import Document
 from meshlab_svbrdf.document.images import read_image
@@ -23,7 +23,7 @@ def views(tmp_path_factory) -> Path:
 
 @pytest.fixture
 def result(tmp_path_factory, tmp_path) -> Document:
-    return copied(solved(tmp_path_factory, VIDEO), tmp_path / "result")
+    return copied(tmp_path_factory, VIDEO, tmp_path / "result")
 
 
 def test_views_are_named_as_their_rasters_and_black_around_the_object(result, views, tmp_path):
