@@ -37,10 +37,22 @@ class Mesh:
     def vertex_normals(self) -> np.ndarray:
         """The file's normals, or the area-weighted mean of the faces' around; (V, 3) float64, unit.
 
-        A vertex without any area around it gets a zero vector: no view direction faces it.
+        Where the file's is zero the faces' mean stands in. A vertex without any area around it gets
+        a zero vector: no view direction faces it.
         """
-        if self.normals is not None:
-            return _unit(self.normals)
+        given = np.zeros_like(self.vertices) if self.normals is None else _unit(self.normals)
+        lost = ~given.any(axis=1)
+        if lost.any():
+            given[lost] = self._face_means()[lost]
+        return given
+
+    def winding(self) -> int:
+        """1 where faces turn counter-clockwise seen from where the normals point; −1: mirrored."""
+        a, b, c = (self.vertices[self.faces[:, corner]] for corner in range(3))
+        normals = self.vertex_normals()[self.faces].sum(axis=1)
+        return -1 if np.einsum("ij,ij->", np.cross(b - a, c - a), normals) < 0 else 1
+
+    def _face_means(self) -> np.ndarray:
         corners = self.vertices[self.faces]
         area = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         total = np.zeros_like(self.vertices)
@@ -49,9 +61,13 @@ class Mesh:
         return _unit(total)
 
     def transformed(self, matrix: np.ndarray) -> Mesh:
-        """The mesh after an affine (4, 4) matrix, normals by the inverse transpose."""
+        """The mesh after an affine (4, 4) matrix, normals by the inverse transpose.
+
+        One that mirrors turns the faces' winding inside out: normals are kept from before then.
+        """
         linear = matrix[:3, :3]
-        normals = None if self.normals is None else _unit(self.normals @ np.linalg.inv(linear))
+        normals = self.vertex_normals() if np.linalg.det(linear) < 0 else self.normals
+        normals = None if normals is None else _unit(normals @ np.linalg.inv(linear))
         return replace(self, vertices=self.vertices @ linear.T + matrix[:3, 3], normals=normals)
 
 

@@ -138,6 +138,6 @@ def _unit_or_face(normal: np.ndarray, mesh: Mesh, face: np.ndarray) -> np.ndarra
     length = np.linalg.norm(normal, axis=1)
     lost = np.flatnonzero(length < 1e-6)
     a, b, c = (mesh.vertices[mesh.faces[face[lost], i]] for i in range(3))
-    normal[lost] = np.cross(b - a, c - a)
+    normal[lost] = mesh.winding() * np.cross(b - a, c - a)
     length[lost] = np.linalg.norm(normal[lost], axis=1)
     return normal / np.maximum(length, 1e-30)[:, None]

@@ -1,5 +1,7 @@
 """Meshes: normals and boxes of shapes that are known, and how they move."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from analytic import rotation, sphere, unit
@@ -33,10 +35,31 @@ def test_vertex_without_area_has_no_normal():
     np.testing.assert_array_equal(normals[:3], [[0, 0, 1]] * 3)
 
 
-def test_normals_of_the_file_are_made_unit_and_zero_stays_zero():
+def test_normals_of_the_file_are_made_unit_and_zero_ones_are_the_faces():
     normals = np.array([[0, 0, 7.0], [0, 0, 0], [1e-200, 0, 0]])
     mesh = Mesh(np.eye(3), np.array([[0, 1, 2]], np.int32), normals)
-    np.testing.assert_array_equal(mesh.vertex_normals()[:2], [[0, 0, 1], [0, 0, 0]])
+    np.testing.assert_allclose(mesh.vertex_normals()[:2], [[0, 0, 1], unit([1, 1, 1])])
+
+
+def test_a_file_whose_normals_are_all_zero_has_those_of_its_faces():
+    mesh = sphere()
+    bare = replace(mesh, normals=None)
+    zero = replace(mesh, normals=np.zeros_like(mesh.vertices))
+    np.testing.assert_array_equal(zero.vertex_normals(), bare.vertex_normals())
+    assert (np.einsum("ij,ij->i", zero.vertex_normals(), unit(mesh.vertices)) >= 0).all()
+
+
+@pytest.mark.parametrize("given", ["all", "zero", "none"])
+def test_a_mirrored_mesh_is_not_inside_out(given):
+    mesh = sphere()
+    if given != "all":
+        mesh = replace(mesh, normals=None if given == "none" else mesh.normals * 0.0)
+    moved = mesh.transformed(affine(np.diag([-1.0, 2, 3]), [5, 0, 0]))
+    outward = unit((moved.vertices - [5, 0, 0]) / np.array([1.0, 4, 9]))
+    assert (
+        np.einsum("ij,ij->i", moved.vertex_normals(), outward) >= 0
+    ).all()  # 0: the poles that no face uses
+    np.testing.assert_array_equal(moved.faces, mesh.faces)
 
 
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 1e6])

@@ -7,7 +7,7 @@ import pytest
 from analytic import plane, sphere, unit
 
 from meshlab_svbrdf.geometry.mesh import Mesh
-from meshlab_svbrdf.geometry.texels import rasterise_texels
+from meshlab_svbrdf.geometry.texels import _unit_or_face, rasterise_texels
 
 SIZE = (48, 96)
 
@@ -165,6 +165,20 @@ def test_vertices_without_normal_take_the_faces():
     mesh = replace(plane(), normals=np.zeros((4, 3)))
     texels = rasterise_texels(mesh, (SIZE,))
     np.testing.assert_allclose(texels.normal, np.tile([0, 0, 1], (len(texels), 1)), atol=1e-6)
+
+
+def test_the_faces_normal_of_a_mirrored_mesh_points_outwards():
+    """Normals of a face's corners that cancel at its middle."""
+    mesh = sphere()
+    a, b, c = mesh.faces[len(mesh.faces) // 2]
+    mesh = mesh.transformed(np.diag([1.0, 1, -1, 1]))
+    normals = mesh.normals.copy()
+    normals[a], normals[b], normals[c] = [1, 0, 0], [-0.5, 0.75**0.5, 0], [-0.5, -(0.75**0.5), 0]
+    normal = np.zeros((1, 3), np.float32)
+    face = np.array([len(mesh.faces) // 2])
+    outward = unit(mesh.vertices[mesh.faces[face[0]]].mean(0))
+    found = _unit_or_face(normal, replace(mesh, normals=normals), face)
+    assert found[0] @ outward > 0.99
 
 
 def test_a_face_without_area_gives_a_zero_normal_not_a_direction():
