@@ -27,6 +27,11 @@ FILTER = Filter(
             help="Of the 99.95th percentile, above which a pixel belongs to a light (peaks).",
         ),
         Parameter(
+            "faint", "float", 0.1, minimum=0.0, maximum=0.95,
+            help="Blobs that only show above this lower level are weak or large lamps (peaks); set "
+            "it to `level` to look for none.",
+        ),
+        Parameter(
             "count", "int", 4096, minimum=16, maximum=65536,
             help="Directional lights of the median cut; larger cells than 4π/count are dropped.",
         ),
@@ -49,7 +54,9 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
         document.array("environment_weight"),
     )
     if parameters.method == "peaks":
-        lights = lights_by_peaks(environment, parameters.level, parameters.minimum_energy)
+        lights = lights_by_peaks(
+            environment, parameters.level, parameters.minimum_energy, parameters.faint
+        )
     else:
         lights = lights_by_median_cut(environment, parameters.count, parameters.minimum_energy)
     document.set_json(

@@ -35,7 +35,7 @@ FILTER = Filter(
             '"paper" takes the highest mode of the texels\' ρs.',
         ),
         Parameter(
-            "rounds", "int", 10, minimum=1, maximum=50,
+            "rounds", "int", 10, minimum=3, maximum=50,
             help="Of the joint fit, at most; it ends when nothing moves by more than .1 %.",
         ),
         Parameter(
@@ -95,7 +95,7 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
         materials = [_bell(document, dense == m, parameters) for m in range(len(ids))]
         notes = []
     else:
-        found = _joint(document, dense, lights, diffuse, parameters, progress)
+        found = _joint(document, dense, ids, lights, diffuse, parameters, progress)
         materials, notes, lights = found.materials, found.notes, found.lights
         diffuse = found.diffuse
         if found.normal is not None:
@@ -125,8 +125,8 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
 
 
 def _joint(
-    document: Document, labels: np.ndarray, lights: list[Light], diffuse: np.ndarray,
-    parameters: Namespace, progress: Progress,
+    document: Document, labels: np.ndarray, ids: np.ndarray, lights: list[Light],
+    diffuse: np.ndarray, parameters: Namespace, progress: Progress,
 ) -> Estimate:  # fmt: skip
     mesh = document.mesh()
     observations = read_observations(document, rays=parameters.shadows == "rays")
@@ -136,7 +136,7 @@ def _joint(
         observations, labels, lights, diffuse, turn, _footprint(document, texels),
         correct_normals=parameters.normals == "auto", rounds=parameters.rounds,
         samples=parameters.samples, near=parameters.near, long=parameters.long,
-        censoring=parameters.censoring, curvature=parameters.curvature, progress=progress,
+        censoring=parameters.censoring, curvature=parameters.curvature, ids=ids, progress=progress,
     )  # fmt: skip
 
 

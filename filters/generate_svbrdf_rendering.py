@@ -82,5 +82,6 @@ def read_appearance(document: Document) -> list[Appearance]:
         normals = [*texels.to_images(document.attribute("refined_normal"))]
     elif document.has_array("texels_detail"):
         normals = [*texels.to_images(texels.normal)]
-    maps = (document.map("diffuse"), rho_s, alpha, tints, normals)
+    inside = texels.to_images(np.ones(len(texels), bool), False)
+    maps = (document.map("diffuse"), rho_s, alpha, tints, normals, inside)
     return [Appearance(*each) for each in zip(*maps, strict=True)]

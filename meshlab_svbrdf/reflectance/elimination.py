@@ -111,8 +111,9 @@ def profile(sums: np.ndarray) -> Profile:
         shift = float(np.clip(0.5 * (left - right) / bend, -1, 1)) if bend > 0 else 0.0
     grid = np.arange(len(rss))
     alpha = float(np.exp(np.interp(best + shift, grid, np.log(ALPHAS))))
-    log_rho = np.log(np.maximum(rho, 1e-12))
-    rho_s = float(np.exp(np.interp(best + shift, grid, log_rho))) if rho[best] > 0 else 0.0
+    rho_s, other = float(rho[best]), float(rho[best + int(np.sign(shift))])
+    if rho_s > 0 and other > 0:
+        rho_s *= (other / rho_s) ** abs(shift)
     return Profile(rho_s, alpha, rss, float(t[0]), at_end)
 
 

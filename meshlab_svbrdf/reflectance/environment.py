@@ -87,9 +87,13 @@ def environment_map(
         )
         return sums
 
-    parts = observations.store.map(work, progress)
-    amount, weight = sum((p[0] for p in parts), np.zeros((2, height, 2 * height)))
-    count = sum((p[1] for p in parts), np.zeros((height, 2 * height), np.int64))
+    (amount, weight), count = work_sum = (
+        np.zeros((2, height, 2 * height)),
+        np.zeros((height, 2 * height), np.int64),
+    )
+    for part in observations.store.stream(work, progress):
+        for total, own in zip(work_sum, part, strict=True):
+            total += own
     divisor = {"weight": weight, "count": count}[normalisation]
     radiance = np.divide(amount, divisor, out=np.zeros_like(amount), where=divisor > 0)
     seen = radiance[weight > 0]

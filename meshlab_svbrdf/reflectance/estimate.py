@@ -65,7 +65,7 @@ def estimate(
             observations, material, lights, turn, footprint, **options,
             progress=part(step * k, step * (k + 0.5), "fitting"),
         )  # fmt: skip
-        lights = found.lights or lights
+        lights = found.lights
         columns = [(m.rho_s, m.alpha, m.noise, *m.color) for m in found.materials]
         rho_s, alpha, noise, *color = np.array(columns).reshape(-1, 6).T
         if not correct_normals or k == CORRECTIONS:

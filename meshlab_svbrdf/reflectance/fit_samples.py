@@ -15,9 +15,12 @@ from ..samples.observations import (
     sample_luminance,
     sample_quality,
 )
+from .threshold import MINIMUM_SAMPLES
 
 SATURATED = 98.0
 """Luminance, 0..100 on the frame's own scale, above which a sample is clipped (paper §7.2)."""
+FLAT_SHARE, FLAT_LEAST = 0.05, 400
+"""Of a material, by share and number, what the fit works on at least, flat or not."""
 
 
 @dataclass(frozen=True)
@@ -118,21 +121,22 @@ def choose_texels(
     ----------
     material : (T,) int32, -1 for none; counts : (T,) samples per texel; turn : (T,) radians per
         radius
-    limits : (M,) largest turn; where less than 5 % of a material has it, its flattest 5 % are taken
+    limits : (M,) largest turn; where less than 5 % of a material (or 400 texels) has it, its
+        flattest are taken
     samples : about how many samples to choose altogether; the materials share them evenly
     offset : another one chooses other texels (for samples held out of the fit)
 
     Returns
     -------
     texels : (n,) ascending
-    lacking : the materials of which less than 5 % are flat enough
+    lacking : the materials of which less are flat enough
     """
-    usable = counts >= 16
+    usable = counts >= MINIMUM_SAMPLES
     chosen, lacking = [np.zeros(0, np.int64)], []
     ids = np.unique(material[usable & (material >= 0)])
     for m in ids:
         own = np.flatnonzero(usable & (material == m))
-        flattest = np.quantile(turn[own], 0.05)
+        flattest = np.quantile(turn[own], min(max(FLAT_SHARE, FLAT_LEAST / len(own)), 1))
         if flattest > limits[m]:
             lacking.append(int(m))
         own = own[turn[own] <= max(limits[m], flattest)]

@@ -85,6 +85,7 @@ def fit(
     long: bool = True,
     censoring: bool = True,
     curvature: float = 0.8,
+    ids: np.ndarray | None = None,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> JointFit:
     """Fit lights and materials.
@@ -99,11 +100,11 @@ def fit(
         end when no ρs or α moves by more than .1 %
     near, long, censoring : near lights; long lamps; clipped samples as lower bounds
     curvature : c of "twice the normal's turn per pixel < c/√α"; 0 takes every texel
+    ids : (M,) what the materials are called in notes
     """
     count = int(material.max(initial=-1)) + 1
     notes: list[str] = []
     history: list[dict] = []
-    found = lights
     if not lights or count == 0:
         why = "no light was found" if not lights else "there is no material"
         return JointFit([], [Material(np.nan, np.nan, False, why)] * count, [], [why])
@@ -120,7 +121,8 @@ def fit(
         shiny = np.sqrt(np.maximum(alpha, FIRST_ALPHA))
         limits = flatness / shiny / (2 * footprint) if flatness > 0 else shiny + np.inf
         chosen, lacking = choose_texels(material, counts, turn, limits, budget, offset)
-        note = f"materials {lacking}: hardly any of the surface is flat enough to tell"
+        named = [int(ids[m]) for m in lacking] if ids is not None else lacking
+        note = f"materials {named}: hardly any of the surface is flat enough to tell"
         if lacking and flatness == curvature and note not in notes:
             notes.append(note)
         chosen = np.setdiff1d(chosen, without)
@@ -135,7 +137,7 @@ def fit(
 
     with ThreadPoolExecutor(thread_count()) as pool:
         state = gather(pool, samples)
-        free = np.full(len(lights), near)
+        free, error = np.full(len(lights), near), np.zeros(len(lights))
         for r in range(rounds):
             state.light(lights)
             if r == 2:
@@ -190,8 +192,8 @@ def fit(
         for m, (p, e, s) in enumerate(zip(profiles, evidence, noise, strict=True))
     ]
     if not any(m.observed for m in materials):
-        notes.append("no gloss is observed: the lights stay as they were found")
-        lights = found
+        notes.append("no gloss is observed, so nothing shows where the lights are")
+        lights = []
     return JointFit(lights, materials, history, notes)
 
 
@@ -225,8 +227,9 @@ def _settle(
     if len(kept) < len(lights):
         notes.append(f"{len(lights) - len(kept)} lights dropped: no highlight is theirs")
     near = np.array([lights[k].curvature >= max(FARTHEST, 2 * error[k]) for k in kept])
+    mean = np.exp(np.mean([np.log(lights[k].gain) for k in kept]))
     settled = [
-        lights[k] if n else replace(lights[k], curvature=0.0)
+        replace(lights[k], gain=lights[k].gain / mean, curvature=lights[k].curvature * n)
         for k, n in zip(kept, near, strict=True)
     ]
     return settled, free[kept] & near

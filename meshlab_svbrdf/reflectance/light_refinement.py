@@ -152,10 +152,12 @@ def refine_lights(
         bar = light.bar + turn @ frames[k]
         direction = light.direction + angles @ frames[k]
         direction = direction / np.linalg.norm(direction)
+        rotation = tangents(direction) @ frames[k].T
         moved.append(
             replace(
                 light,
                 direction=direction,
+                covariance=rotation @ light.covariance @ rotation.T,
                 bar=bar - (bar @ direction) * direction,
                 gain=light.gain * float(np.exp(np.clip(gain[0], -1, 1))),
                 curvature=float(

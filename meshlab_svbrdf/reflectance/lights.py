@@ -113,20 +113,29 @@ def _rank(lights: list[Light], minimum_energy: float) -> list[Light]:
 
 
 def lights_by_peaks(
-    environment: EnvironmentMap, level: float = 0.3, minimum_energy: float = 0.05
+    environment: EnvironmentMap,
+    level: float = 0.3,
+    minimum_energy: float = 0.05,
+    faint: float = 0.1,
 ) -> list[Light]:
     """Blobs of the unclipped map above `level` times its 99.95th percentile, strongest first.
 
     Parameters
     ----------
     level : .5 instead of .3 loses a light on short arcs
+    faint : blobs above this that hold none of those above `level` are lights too: weak or large
+        lamps beside a strong one
     minimum_energy : blobs with less than this share of the strongest one's energy are dropped
     """
     radiance, seen = environment.radiance, environment.seen
     if not (radiance[seen] > 0).any():
         return []
-    ids = _connect(seen & (radiance > level * np.quantile(radiance[seen], 0.9995)))
-    return _rank(_blob_lights(ids, radiance * solid_angles(len(radiance))), minimum_energy)
+    top, energy = np.quantile(radiance[seen], 0.9995), radiance * solid_angles(len(radiance))
+    ids = _connect(seen & (radiance > level * top))
+    others = _connect(seen & (radiance > min(faint, level) * top))
+    others[np.isin(others, others[ids > 0])] = 0
+    blobs = _blob_lights(ids, energy) + _blob_lights(others, energy)
+    return _rank(blobs, minimum_energy)
 
 
 def median_cut(energy: np.ndarray, count: int) -> list[tuple[int, int, int, int]]:

@@ -53,6 +53,7 @@ def fit_lengths(lights: list[Light], unexplained: Callable[[list[Light]], float]
                 break
         best = min(max(int(np.argmin(rests)), 1), len(rests) - 2)
         if len(rests) < 3 or min(rests) > (1 - WORTHWHILE) * rests[0]:
+            lights[k] = replace(lights[k], bar=np.zeros(3))
             continue
         bend, slope, _ = np.polyfit(LENGTHS[best - 1 : best + 2], rests[best - 1 : best + 2], 2)
         length = -slope / (2 * bend) if bend > 0 else LENGTHS[int(np.argmin(rests))]
@@ -66,6 +67,8 @@ def as_seen(rho_s: float, alpha: float, lights: list[Light]) -> tuple[float, flo
 
     1/α_seen = 1/α + σ²/2, σ² the bars' variance (length²/3) averaged over the lights by their gain.
     """
+    if not lights:
+        return rho_s, alpha
     gains = np.array([light.gain for light in lights])
     spread = np.array([light.bar @ light.bar / 3 for light in lights])
     seen = 1 / (1 / alpha + float(gains @ spread / gains.sum()) / 2)

@@ -20,6 +20,8 @@ from ..geometry.visibility import Rays, directional_visibility
 from ..reflectance.lights import Light
 from ..reflectance.phong import lamps
 
+AT_ONCE = 1 << 19
+"""Rays shaded together: about 250 MB."""
 NEGLIGIBLE = 1e-4
 """Highlights below this share of white are not looked into."""
 
@@ -32,6 +34,8 @@ class Appearance:
     rho_s, alpha : (H, W), NaN where there is no gloss
     tint : (H, W, 3), the highlight's colour, luminance 1
     normal : (H, W, 3) world, NaN outside the charts; or None: the mesh's own
+    inside : (H, W) bool, the charts: what lies outside takes its nearest neighbour's gloss; or
+        None: all of the image
     """
 
     diffuse: np.ndarray
@@ -39,6 +43,7 @@ class Appearance:
     alpha: np.ndarray
     tint: np.ndarray
     normal: np.ndarray | None = None
+    inside: np.ndarray | None = None
 
 
 @njit(cache=True, nogil=True)
@@ -115,10 +120,10 @@ class AcquisitionRenderer:
         _, face_index = rasterise(self.mesh.vertices, self.mesh.faces, fine)
         rows, cols = np.nonzero(face_index >= 0)
         image, coverage = np.zeros((*face_index.shape, 3)), np.zeros(face_index.shape)
-        if len(rows):
-            shaded = self._shade(fine, rows, cols, face_index[rows, cols])
-            image[rows, cols] = np.clip(shaded, 0, None)
-            coverage[rows, cols] = 1
+        for first in range(0, len(rows), AT_ONCE):
+            row, col = rows[first : first + AT_ONCE], cols[first : first + AT_ONCE]
+            image[row, col] = np.clip(self._shade(fine, row, col, face_index[row, col]), 0, None)
+            coverage[row, col] = 1
         shape = (camera.height, s, camera.width, s)
         return image.reshape(*shape, 3).mean((1, 3)), coverage.reshape(shape).mean((1, 3))
 
@@ -180,15 +185,16 @@ class AcquisitionRenderer:
 
 
 def _filled(look: Appearance) -> Appearance:
-    """Unobserved texels and gutters take their nearest neighbours' colour; no gloss is rho_s 0."""
+    """Gutters take their neighbours' values, unobserved texels their colour; no gloss is ρs 0."""
     known = np.isfinite(look.diffuse).all(-1)
+    inside = np.ones(look.rho_s.shape, bool) if look.inside is None else look.inside
     normal = look.normal
     if normal is not None:
         normal = fill_gutters(normal, np.isfinite(normal).all(-1))
     return Appearance(
         np.nan_to_num(fill_gutters(look.diffuse, known)).astype(np.float64),
-        np.nan_to_num(look.rho_s),
-        np.nan_to_num(look.alpha, nan=1.0),
-        look.tint,
+        np.nan_to_num(fill_gutters(look.rho_s, inside)),
+        np.nan_to_num(fill_gutters(look.alpha, inside), nan=1.0),
+        fill_gutters(look.tint, inside),
         normal,
     )

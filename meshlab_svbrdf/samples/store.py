@@ -9,10 +9,11 @@ blocks of texels whose samples are the concatenation of a few slices, in the ord
 from __future__ import annotations
 
 import json
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numba import njit
@@ -21,6 +22,9 @@ from ..threads import thread_count
 
 BYTES_PER_SAMPLE = 5
 _COLUMNS = {"frame": (np.uint8, ()), "rgb": (np.uint8, (3,)), "quality": (np.uint8, ())}
+
+
+Result = TypeVar("Result")
 
 
 class Block(NamedTuple):
@@ -210,14 +214,24 @@ class SampleStore:
 
     def map(
         self,
-        work: Callable[[Block], object],
+        work: Callable[[Block], Result],
         progress: Callable[[int, int], None] = lambda d, t: None,
-    ) -> list:
+    ) -> list[Result]:
         """`work` on every block, on all cores; the results come in the order of the blocks."""
+        return list(self.stream(work, progress))
+
+    def stream(
+        self,
+        work: Callable[[Block], Result],
+        progress: Callable[[int, int], None] = lambda d, t: None,
+    ) -> Iterator[Result]:
+        """As `map`, one result after the other: no more are held than there are threads, twice."""
         bounds = self.block_bounds()
-        results = []
         with ThreadPoolExecutor(thread_count()) as pool:
-            for result in pool.map(lambda b: work(self.read(*b)), bounds):
-                results.append(result)
-                progress(len(results), len(bounds))
-        return results
+            pending: deque[Future[Result]] = deque()
+            for done, _ in enumerate(bounds, 1):
+                while len(pending) < 2 * thread_count() and done - 1 + len(pending) < len(bounds):
+                    first, stop = bounds[done - 1 + len(pending)]
+                    pending.append(pool.submit(lambda a, b: work(self.read(a, b)), first, stop))
+                yield pending.popleft().result()
+                progress(done, len(bounds))

@@ -7,7 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from meshlab_svbrdf.geometry.mesh import Mesh
-from meshlab_svbrdf.reflectance.fit_samples import choose_texels, collect, normal_turn
+from meshlab_svbrdf.reflectance.fit_samples import FLAT_LEAST, choose_texels, collect, normal_turn
+from meshlab_svbrdf.reflectance.threshold import MINIMUM_SAMPLES
 from meshlab_svbrdf.samples.luminance import REC709, decode
 
 T, F = 60, 30
@@ -93,10 +94,11 @@ def test_chosen_texels_are_usable_flat_and_of_every_material(seed, samples, limi
     chosen, lacking = choose_texels(material, counts, turn, limits, samples)
     assert (np.diff(chosen) > 0).all()
     assert (material[chosen] >= 0).all()
-    assert (counts[chosen] >= 16).all()
+    assert (counts[chosen] >= MINIMUM_SAMPLES).all()
     for m in range(4):
         own = turn[chosen][material[chosen] == m]
-        flattest = np.quantile(turn[(material == m) & (counts >= 16)], 0.05)
+        usable = turn[(material == m) & (counts >= MINIMUM_SAMPLES)]
+        flattest = np.quantile(usable, min(max(0.05, FLAT_LEAST / len(usable)), 1))
         assert len(own) > 0
         assert own.max() <= max(limits[m], flattest)
         assert (m in lacking) == (flattest > limits[m])
@@ -106,12 +108,13 @@ def test_chosen_texels_are_usable_flat_and_of_every_material(seed, samples, limi
 
 
 def test_where_nothing_is_flat_the_flattest_twentieth_is_taken():
-    turn = np.linspace(20, 40, 1000)
+    many = 20 * FLAT_LEAST
+    turn = np.linspace(20, 40, many)
     chosen, lacking = choose_texels(
-        np.zeros(1000, np.int32), np.full(1000, 50), turn, np.array([5.0]), 10**9
+        np.zeros(many, np.int32), np.full(many, 50), turn, np.array([5.0]), 10**9
     )
     assert turn[chosen].max() <= np.quantile(turn, 0.05)
-    assert len(chosen) == 25
+    assert len(chosen) == FLAT_LEAST / 2
     assert lacking == [0]
 
 
@@ -123,7 +126,7 @@ def test_no_limit_takes_curved_texels_too():
 
 
 @pytest.mark.parametrize(
-    ("material", "counts"), [(-1, 50), (0, 15)], ids=["no material", "too few samples"]
+    ("material", "counts"), [(-1, 50), (0, MINIMUM_SAMPLES - 1)], ids=["no material", "too few samples"]
 )
 def test_nothing_to_choose(material, counts):
     chosen, lacking = choose_texels(

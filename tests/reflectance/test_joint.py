@@ -165,13 +165,11 @@ def test_wide_faint_lobes_are_not_overlooked(shoot):
     ("seed", "noise"), [(0, NOISE), (1, NOISE), (2, NOISE), (3, 8.0), (4, 8.0)]
 )
 def test_noise_on_matte_surfaces_is_no_gloss(shoot, seed, noise):
-    """False positive: D only. Every material says why, and the lights stay as they were."""
+    """False positive: D only. Every material says why, and no light is claimed."""
     scene = shoot([0.0, 0.0], [10.0, 10.0], noise=noise, seed=seed)
     found = run(scene)
     assert_materials(found, scene, 0)
-    for a, b in zip(found.lights, guess(), strict=True):
-        np.testing.assert_array_equal(a.direction, b.direction)
-        assert (a.gain, a.curvature) == (b.gain, b.curvature)
+    assert found.lights == []
     assert any("no gloss" in note for note in found.notes)
 
 
@@ -382,7 +380,8 @@ def test_lights_that_settle_at_next_to_nothing_are_dropped():
     lights = [lamp([0, 0, 1], 2.0, 0.2), lamp([1, 0, 0], 0.09, 0.2), lamp([0, 1, 0], 0.11, 0.2)]
     notes: list[str] = []
     kept, free = _settle(lights, np.array([True, True, False]), np.zeros(3), notes)
-    assert [light.gain for light in kept] == [2.0, 0.11]
+    gains = np.array([light.gain for light in kept])
+    np.testing.assert_allclose(gains, np.array([2.0, 0.11]) / np.sqrt(2.0 * 0.11))
     assert free.tolist() == [True, False]
     assert notes == ["1 lights dropped: no highlight is theirs"]
 
