@@ -41,7 +41,8 @@ FILTER = Filter(
         ),
         Parameter(
             "normal_space", "enum", "tangent", choices=("tangent", "object"),
-            help="What the normal map is relative to.",
+            help="What the normal map is relative to: the charts, or the mesh's own coordinates, "
+            "before its layer's matrix.",
         ),
         Parameter(
             "green", "enum", "up", choices=("up", "down"),
@@ -91,7 +92,7 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
     if parameters.normal_map:
         normals, valid = apply_normal_map(
             texels, mesh, _normal_images(parameters.normal_map, count),
-            parameters.normal_space, parameters.green,
+            parameters.normal_space, parameters.green, document.object_layer().matrix,
         )  # fmt: skip
         texels = replace(texels, normal=normals.astype(np.float32))
         document.set_array("texels_detail", valid)

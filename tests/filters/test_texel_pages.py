@@ -262,6 +262,13 @@ def test_a_normal_map_gives_the_texels_their_normals(fresh, texels_only, tmp_pat
         assert fresh.array("texels_detail").all()
 
 
+def test_an_object_space_map_turns_with_its_layer(fresh, tmp_path):
+    write_png(tmp_path / "up.png", np.full((8, 8, 3), [128, 255, 128], np.uint8))
+    fresh.object_layer().matrix[:3, :3] = [[0, -1, 0], [1, 0, 0], [0, 0, 1]]
+    fresh.apply(TEXELS, texture_size=48, normal_map=tmp_path / "up.png", normal_space="object")
+    assert angle(unit(fresh.texels().normal), np.array([-1.0, 0, 0])).max() < 0.5
+
+
 def test_bad_normal_maps_are_named(fresh, tmp_path):
     with pytest.raises(DocumentError, match=r"nothing\.png"):
         fresh.apply(TEXELS, normal_map=tmp_path / "nothing.png")

@@ -111,6 +111,36 @@ def test_object_space_is_read_as_it_is():
     np.testing.assert_allclose(normals, np.tile([0, -1, 0], (len(texels), 1)), atol=0.006)
 
 
+def test_object_space_turns_with_the_layer():
+    """Encoded before the layer's matrix, decoded after it, and back."""
+    mesh, matrix = dome(), np.eye(4)
+    matrix[:3, :3] = [[0, -2, 0.5], [1, 0, 0], [0, 0, -3]]
+    moved = mesh.transformed(matrix)
+    own, world = (rasterise_texels(m, ((SIZE, SIZE),)) for m in (mesh, moved))
+    images = encode_normal_map(own, mesh, normals_near(own), "object", bits=16)
+    normals, valid = apply_normal_map(world, moved, images, "object", matrix=matrix)
+    assert valid.all()
+    expected = own.to_images(normals_near(own) @ np.linalg.inv(matrix[:3, :3]))[0]
+    expected = expected[world.row, world.col]
+    expected /= np.linalg.norm(expected, axis=1, keepdims=True)
+    np.testing.assert_allclose(normals, expected, atol=2e-4)
+    (back,) = encode_normal_map(world, moved, normals, "object", bits=16, matrix=matrix)
+    assert np.abs(back.astype(int) - images[0]).max() <= 2
+
+
+@pytest.mark.parametrize("change", [lambda m: m, mirrored])
+def test_a_mirrored_layer_mirrors_the_tangent_spaces_normals(change):
+    mesh, matrix = change(dome()), np.diag([1.0, -1, 1, 1])
+    moved = mesh.transformed(matrix)
+    own, world = (rasterise_texels(m, ((SIZE, SIZE),)) for m in (mesh, moved))
+    images = encode_normal_map(own, mesh, normals_near(own), bits=16)
+    before, after = (
+        texels.to_images(apply_normal_map(texels, m, images)[0])[0]
+        for texels, m in ((own, mesh), (world, moved))
+    )
+    np.testing.assert_allclose(after, before * [1, -1, 1], atol=1e-5)
+
+
 def test_degenerate_uvs_keep_the_normal_and_say_so():
     mesh = dome(3)
     uv = mesh.uv.copy()
