@@ -41,7 +41,7 @@ class Quality:
 
 @njit(cache=True, nogil=True)
 def _mark_jumps(inverse_depth, step, smooth):
-    """Clear `smooth` at the pixels without surface and on both sides of a depth step."""
+    """Clear `smooth` at the pixels without surface and on both sides of a depth step within it."""
     height, width = inverse_depth.shape
     for row in range(height):
         for col in range(width):
@@ -53,9 +53,7 @@ def _mark_jumps(inverse_depth, step, smooth):
                 r, c = row + dr, col + dc
                 if r < height and c < width:
                     o = inverse_depth[r, c]
-                    if o <= 0.0:
-                        smooth[row, col] = 0
-                    elif abs(1.0 / w - 1.0 / o) > step:
+                    if o > 0.0 and abs(1.0 / w - 1.0 / o) > step:
                         smooth[row, col] = 0
                         smooth[r, c] = 0
 

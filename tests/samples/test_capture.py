@@ -9,7 +9,7 @@ from analytic import look_at, plane, sphere, view_vectors
 
 from meshlab_svbrdf.geometry.mesh import Mesh
 from meshlab_svbrdf.geometry.texels import rasterise_texels
-from meshlab_svbrdf.samples.capture import FrameSampler, Quality, reference_depth
+from meshlab_svbrdf.samples.capture import FrameSampler, Quality, _mark_jumps, reference_depth
 from meshlab_svbrdf.samples.luminance import decode, encode, to_srgb8
 
 CAMERA = look_at([0.8, 0.5, 3], [0.1, 0, 0], width=200, height=160, fx=230.0, fy=210.0, cx=107.0)
@@ -207,6 +207,18 @@ def test_depth_jump_lowers_quality_around_it_in_proportion_to_the_image():
     assert np.abs(weight / 127 - expected).max() < 0.35
     flat = rim[texel] > 5
     assert np.abs(weight / 127 - cos[texel])[flat].max() < 0.01
+
+
+def test_silhouettes_are_the_same_on_all_four_sides():
+    """An object's pixels beside the background stay, and its own on both sides of a step go."""
+    inverse_depth = np.zeros((7, 9), np.float32)
+    inverse_depth[2:5, 3:6] = 1.0
+    smooth = np.ones((7, 9), np.uint8)
+    _mark_jumps(inverse_depth, 0.05, smooth)
+    np.testing.assert_array_equal(smooth, inverse_depth > 0)
+    inverse_depth[2:5, 4] = 0.5
+    _mark_jumps(inverse_depth, 0.05, smooth)
+    assert not smooth.any()
 
 
 def test_map_coordinates_cost_nothing(wall):
