@@ -76,7 +76,7 @@ def run(
         Estimator | None, typer.Option(help="joint: more accurate, the default. paper: as printed.")
     ] = None,
     texture_size: Annotated[
-        int | None, typer.Option(help="Width and height of the maps in pixels.")
+        int | None, typer.Option(help="Width and height of the maps in pixels.", min=16, max=16384)
     ] = None,
     materials: Annotated[
         Path | None, typer.Option(help="An image of material ids over the object's texture.")
@@ -84,6 +84,14 @@ def run(
     hold_out: Annotated[
         bool, typer.Option("--hold-out", help="Keep every 8th frame for judging the result.")
     ] = False,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            metavar="FILTER.NAME=VALUE",
+            help="A parameter of one of the filters, as often as needed.",
+        ),
+    ] = None,
     layer: Layer = "",
     force: Force = False,
     as_json: AsJson = False,
@@ -104,8 +112,18 @@ def run(
             steps = _with(steps, *TEXTURE_SIZE, str(texture_size))
         if materials is not None:
             steps = _with(steps, *MATERIALS, str(materials.absolute()))
+        for text in settings or ():
+            name, value = _name_value(text)
+            filter, _, parameter = name.partition(".")
+            steps = _with(steps, filter, parameter, value)
         check_script(steps)
         document = _open(project, output, layer)
+        if document.path == project.absolute() and not document.results.record["products"]:
+            raise SvbrdfError(
+                f"the result would replace {project} itself: give another folder or name with -o"
+            )
+        if not document.project.rasters:
+            raise SvbrdfError(f"{project}: has no rasters; add registered frames in MeshLab")
         document.hold_out(hold_out)
         _run(document, steps, force, as_json)
 
@@ -186,6 +204,11 @@ def render(
     with _friendly():
         parameters = {"cameras": str(cameras.absolute()), "folder": str(output.absolute())}
         document = Document.open(project)
+        if not document.has("material_specular"):
+            raise SvbrdfError(
+                f"{project} has no results to render: make them with "
+                f"`meshlab-svbrdf run {project} -o out` and render out/{project.name}"
+            )
         with _stages(as_json) as (say, show):
             say(document.apply("generate_svbrdf_rendering", False, show("render"), **parameters))
 
@@ -243,7 +266,10 @@ def _stages(as_json: bool, document: Document | None = None) -> Iterator[tuple[A
         def say(outcome: Outcome) -> None:
             outcomes.append(outcome)
             if not as_json:
-                typer.echo(f"{outcome.name:36} {outcome.seconds:7.1f} s  {outcome.message}")
+                first, *more = outcome.message.split("; ")
+                typer.echo(f"{outcome.name:36} {outcome.seconds:7.1f} s  {first}")
+                for line in more:
+                    typer.echo(" " * 48 + line)
 
         try:
             yield say, show
@@ -263,7 +289,13 @@ def _friendly() -> Iterator[None]:
     try:
         yield
     except (SvbrdfError, OSError) as error:
-        errors.print(f"Error: {error}", style="red", markup=False, highlight=False, soft_wrap=True)
+        text = str(error)
+        if isinstance(error, OSError) and error.filename:
+            text = (
+                f"{error.filename}: {error.strerror}; see to its permissions and the free space, "
+                "or give another place with -o"
+            )
+        errors.print(f"Error: {text}", style="red", markup=False, highlight=False, soft_wrap=True)
         raise typer.Exit(1) from None
     except KeyboardInterrupt:
         errors.print("Interrupted; finished stages are kept, the same command goes on from there.")

@@ -110,7 +110,7 @@ def test_wrong_usage_ends_with_2(words):
         (["apply", "{project}", "compute_demo_texels", "size=1"], "expected a whole number from 4"),
         (["apply", "{project}", "compute_demo_shade"], "run compute_demo_texels first"),
         (
-            ["run", "{project}", "-o", "{out}", "--script", "{chain}", "--texture-size", "8"],
+            ["run", "{project}", "-o", "{out}", "--script", "{chain}", "--texture-size", "64"],
             "no compute_svbrdf_texels",
         ),
         (
@@ -230,10 +230,36 @@ def test_rendering_is_a_filter_given_cameras_and_a_folder(small_project, tmp_pat
         parameters=parameters,
         apply=lambda document, parameters, progress: got.append(parameters) or "3 views",
     )
-    result = shell("render", small_project, "--cameras", small_project, "-o", tmp_path / "views")
+    words = ("render", small_project, "--cameras", small_project, "-o", tmp_path / "views")
+    result = shell(*words)
+    assert result.exit_code == 1
+    assert "no results to render" in result.stderr
+    assert not got
+    with Document.open(small_project).write("material_specular"):
+        pass
+    result = shell(*words)
     assert result.exit_code == 0, result.output
     assert "3 views" in result.stdout
     assert vars(got[0]) == {"cameras": small_project, "folder": tmp_path / "views"}
+
+
+def test_a_run_does_not_replace_the_users_project(small_project, chain):
+    before = small_project.read_bytes()
+    result = shell("run", small_project, "-o", small_project.parent, "--script", chain())
+    assert result.exit_code == 1
+    assert "would replace" in result.stderr
+    assert small_project.read_bytes() == before
+
+
+def test_a_parameter_of_the_chain_is_set(small_project, tmp_path, chain):
+    words = ("run", small_project, "-o", tmp_path / "out", "--script", chain())
+    result = shell(*words, "--set", "compute_demo_texels.size=1")
+    assert result.exit_code == 1
+    assert "expected a whole number from 4" in result.stderr
+    result = shell(*words, "--set", "compute_demo_texels.size=8")
+    assert result.exit_code == 0, result.output
+    told = Document.open(tmp_path / "out" / "small.mlp").results.record["runs"]
+    assert told["compute_demo_texels"]["parameters"]["size"] == 8
 
 
 def test_two_runs_on_one_output_do_not_mix(small_project, tmp_path, chain):

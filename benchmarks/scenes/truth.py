@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,8 +15,10 @@ from sample_projects.procedural.paint import Atlas
 from sample_projects.procedural.truth import open_texels
 
 from .paint import Maps
-from .renderer import Renderer
 from .variant import Variant
+
+if TYPE_CHECKING:
+    from .renderer import Renderer
 
 SUBTEXELS, SHADOW_RAYS = 2, 8
 
