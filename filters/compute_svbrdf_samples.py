@@ -14,13 +14,13 @@ from meshlab_svbrdf.filter import Filter, Namespace, Parameter
 from meshlab_svbrdf.geometry.camera import Camera
 from meshlab_svbrdf.progress import Progress
 from meshlab_svbrdf.samples.capture import FrameSampler, Quality, reference_depth
-from meshlab_svbrdf.samples.gains import frame_gains
+from meshlab_svbrdf.samples.gains import frame_gains, gain_spread
 from meshlab_svbrdf.samples.observations import observe
 from meshlab_svbrdf.samples.store import write_store
 
 from ._stages import counted, share
 
-VARYING = 0.03  # spread of ln gain; a locked exposure leaves .003
+VARYING = 0.03  # robust spread of ln gain; a locked exposure leaves .003
 STILLS = 5.0  # degrees between neighbouring cameras from which frames are no video
 
 FILTER = Filter(
@@ -38,7 +38,8 @@ FILTER = Filter(
         Parameter(
             "gains", "enum", "auto", choices=("auto", "fit", "none"),
             help="Divides frames by a gain per channel, fitted from the texels that they share. "
-            '"auto" does so where the frames\' brightness varies by more than 3 %, and says it.',
+            '"auto" does so where their brightness or white balance varies by more than 3 %, and '
+            "says it.",
         ),
         Parameter(
             "unreadable", "enum", "stop", choices=("stop", "skip"),
@@ -133,7 +134,7 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
     progress(0.92, "comparing the frames' brightness")
     observations = observe(texels, store, cameras, mesh.faces, gains=exposure)
     fitted, residual = frame_gains(observations)
-    spread = float(np.nanstd(np.log(fitted).mean(1)))
+    spread = gain_spread(fitted)
     use = parameters.gains == "fit" or (parameters.gains == "auto" and spread > VARYING)
     gain = exposure[:, None] * (np.where(np.isfinite(fitted), fitted, 1.0) if use else 1.0)
     gain = np.broadcast_to(gain / np.median(gain), (len(rasters), 3))
@@ -199,10 +200,12 @@ def _readable(rasters, unreadable: str):
                 except DocumentError as error:
                     missing[raster.label] = str(error)
     elif missing:
-        names = ", ".join(list(missing)[:8]) + (" …" if len(missing) > 8 else "")
+        paths = [str(r.path) for r in rasters if r.label in missing]
+        names = ", ".join(paths[:5]) + (" …" if len(paths) > 5 else "")
         raise DocumentError(
             f"{len(missing)} of {len(rasters)} frames are missing ({names}): put them back, remove "
-            "the rasters in MeshLab, or pass unreadable=skip to compute_svbrdf_samples"
+            "the rasters in MeshLab, or leave them out with unreadable=skip "
+            "(meshlab-svbrdf run … --set compute_svbrdf_samples.unreadable=skip)"
         )
     return [r for r in rasters if r.label not in missing], missing
 

@@ -7,6 +7,8 @@ from numba import njit
 
 from .observations import Observations, color
 
+LEAST_SHARED = 100  # samples of texels that other frames see too
+
 
 @njit(cache=True, nogil=True)
 def _ratios(block, view, stride, logs, texel_of, frame_of, filled):
@@ -30,19 +32,25 @@ def _ratios(block, view, stride, logs, texel_of, frame_of, filled):
 
 
 def frame_gains(
-    observations: Observations, samples: int = 250_000, rounds: int = 5
+    observations: Observations, samples: int | None = None, rounds: int = 5
 ) -> tuple[np.ndarray, np.ndarray]:
     """Relative brightness of each frame and channel from the texels that frames share.
 
     In turns, a texel's colour is the median of its samples with the frames' gains taken off, and a
     frame's gain the median of its samples over their texels' colours: highlights do not matter.
 
+    Parameters
+    ----------
+    observations : the samples
+    samples : about how many of them to use; None: 250 000, more for many frames
+
     Returns
     -------
-    gains : (F, 3) float64, median 1; NaN for a frame that shares nothing
+    gains : (F, 3) float64, median 1; NaN for a frame with fewer than 100 shared samples
     residual : (F,) float64, median |ln| of what is left in green
     """
     store = observations.store
+    samples = samples or max(250_000, 10 * LEAST_SHARED * store.frames)
     stride = max(1, len(store) // samples)
     most = int(store.counts()[::stride].sum())
     logs = np.empty((most, 3), np.float32)
@@ -50,12 +58,16 @@ def frame_gains(
     filled = 0
     for block in store.blocks():
         filled = _ratios(block, observations.view, stride, logs, texel, frame, filled)
-    texel, frame = texel[:filled], frame[:filled]
+    # Keep the samples of texels that several frames see, and the frames that have enough of them
+    shared = np.bincount(texel[:filled])[texel[:filled]] > 1
+    enough = np.bincount(frame[:filled][shared], minlength=store.frames) >= LEAST_SHARED
+    kept = np.flatnonzero(shared & enough[frame[:filled]])
+    texel, frame, logs = texel[kept], frame[kept], logs[kept]
     gains, residual = np.full((store.frames, 3), np.nan), np.full(store.frames, np.nan)
-    if filled == 0:
+    if len(kept) == 0:
         return gains, residual
     for channel in range(3):
-        value, gain = logs[:filled, channel].astype(np.float64), np.zeros(store.frames)
+        value, gain = logs[:, channel].astype(np.float64), np.zeros(store.frames)
         for _ in range(rounds):
             left = value - gain[frame]
             left -= _group_median(left, texel)[texel]
@@ -66,6 +78,17 @@ def frame_gains(
         if channel == 1:
             residual = _group_median(np.abs(left), frame, store.frames)
     return gains, residual
+
+
+def gain_spread(gains: np.ndarray) -> float:
+    """How far gains (F, 3) vary: 1.48 · MAD of ln gain, in the channel where that is largest.
+
+    A few frames that stand out do not count, a drifting white balance does. NaN without any gain.
+    """
+    logs = np.log(gains[np.isfinite(gains).all(axis=1)])
+    if len(logs) == 0:
+        return float("nan")
+    return float(1.4826 * np.median(np.abs(logs - np.median(logs, axis=0)), axis=0).max())
 
 
 def _group_median(values: np.ndarray, group: np.ndarray, count: int | None = None) -> np.ndarray:

@@ -7,10 +7,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from meshlab_svbrdf.samples.gains import _group_median, frame_gains
+from meshlab_svbrdf.samples.gains import _group_median, frame_gains, gain_spread
 from meshlab_svbrdf.samples.luminance import to_srgb8
 
-T, F = 300, 24
+T, F = 1200, 24
 
 
 def filmed(folder, gains, highlights=0.0, quality=None, seed=0):
@@ -53,6 +53,37 @@ def test_a_frame_that_shares_nothing_has_no_gain(tmp_path, truth):
     assert np.isnan(found[7]).all()
     assert np.isnan(residual[7])
     assert np.isfinite(np.delete(found, 7, 0)).all()
+
+
+def test_a_frame_that_shares_little_has_no_gain(tmp_path, truth):
+    quality = np.full((T, F), 127)
+    quality[99:, 7] = 0
+    quality[100:, 8] = 0
+    found, _ = frame_gains(filmed(tmp_path, truth, quality=quality))
+    assert np.isnan(found[7]).all()
+    assert np.isfinite(np.delete(found, 7, 0)).all()
+
+
+def test_what_no_other_frame_sees_is_not_shared(tmp_path, truth):
+    quality = np.zeros((T, F), int)
+    quality[:600, :7] = 127
+    quality[600:, 7] = 127
+    found, _ = frame_gains(filmed(tmp_path, truth, quality=quality))
+    assert np.isfinite(found[:7]).all()
+    assert np.isnan(found[7:]).all()
+
+
+def test_drifting_white_balance_is_spread_at_constant_mean():
+    drift = np.linspace(-0.2, 0.2, 100)[:, None]
+    assert gain_spread(np.exp(drift * [1, 0, -1])) == pytest.approx(0.148, rel=0.02)
+
+
+def test_one_frame_that_stands_out_is_no_spread():
+    logs = 0.003 * np.random.default_rng(0).normal(size=(100, 3))
+    logs[40] = [2.0, 2.0, 2.0]
+    logs[41] = np.nan
+    assert gain_spread(np.exp(logs)) == pytest.approx(0.003, rel=0.5)
+    assert np.isnan(gain_spread(np.full((4, 3), np.nan)))
 
 
 def test_nothing_to_compare_gives_no_gains(tmp_path):
