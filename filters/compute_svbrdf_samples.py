@@ -8,7 +8,7 @@ import numpy as np
 
 from meshlab_svbrdf.document.document import Document
 from meshlab_svbrdf.document.exposure import read_exposure
-from meshlab_svbrdf.document.images import read_frame, read_mask
+from meshlab_svbrdf.document.images import frame_problem, read_frame, read_mask
 from meshlab_svbrdf.errors import DocumentError, SvbrdfError
 from meshlab_svbrdf.filter import Filter, Namespace, Parameter
 from meshlab_svbrdf.geometry.camera import Camera
@@ -187,10 +187,11 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
 
 def _readable(rasters, unreadable: str):
     """The frames whose files are there; the others named, in an error or in the result."""
-    missing = {r.label: f"{r.path} does not exist" for r in rasters if not r.path.is_file()}
+    found = ((r.label, r.path, frame_problem(r.path)) for r in rasters)
+    bad = {label: f"{path} {problem}" for label, path, problem in found if problem}
     if unreadable == "skip":
         for raster in rasters:
-            if raster.label not in missing:
+            if raster.label not in bad:
                 try:
                     read_frame(
                         raster.path,
@@ -198,16 +199,15 @@ def _readable(rasters, unreadable: str):
                         size=(raster.camera.width, raster.camera.height),
                     )
                 except DocumentError as error:
-                    missing[raster.label] = str(error)
-    elif missing:
-        paths = [str(r.path) for r in rasters if r.label in missing]
-        names = ", ".join(paths[:5]) + (" …" if len(paths) > 5 else "")
+                    bad[raster.label] = str(error)
+    elif bad:
+        listed = "; ".join(list(bad.values())[:5]) + (" …" if len(bad) > 5 else "")
         raise DocumentError(
-            f"{len(missing)} of {len(rasters)} frames are missing ({names}): put them back, remove "
+            f"{len(bad)} of {len(rasters)} frames cannot be read ({listed}): put them back, remove "
             "the rasters in MeshLab, or leave them out with unreadable=skip "
             "(meshlab-svbrdf run … --set compute_svbrdf_samples.unreadable=skip)"
         )
-    return [r for r in rasters if r.label not in missing], missing
+    return [r for r in rasters if r.label not in bad], bad
 
 
 def _exposures(rasters, wanted: str) -> tuple[np.ndarray, str]:

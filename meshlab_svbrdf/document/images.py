@@ -47,6 +47,15 @@ def read_frame(
     return cv2.cvtColor(image, code)
 
 
+def frame_problem(path: Path) -> str:
+    """What a glance at the file tells against it, "" for nothing: the pixels are not decoded."""
+    if not path.is_file():
+        return "does not exist"
+    if path.stat().st_size == 0:
+        return "is empty"
+    return "" if cv2.haveImageReader(str(path)) else "is not an image that OpenCV reads"
+
+
 def read_mask(
     path: str | Path, *, label: str | None = None, size: tuple[int, int] | None = None
 ) -> np.ndarray:

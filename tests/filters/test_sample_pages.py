@@ -218,11 +218,16 @@ def no_image(path: Path) -> None:
     path.write_text("a frame")
 
 
+def empty(path: Path) -> None:
+    path.write_bytes(b"")
+
+
 BROKEN = {
-    missing: ("1 of 60 frames are missing .low_003.jpg.*unreadable=skip", "does not exist"),
+    missing: ("1 of 60 frames .*low_003.jpg does not exist.*unreadable=skip", "does not exist"),
+    empty: ("1 of 60 frames .*low_003.jpg is empty", "is empty"),
     truncated: ("'low_003.jpg': .*the image is cut off", "the image is cut off"),
     scaled: ("'low_003.jpg': .*has 60×80 pixels, its camera's ViewportPx says 120×160", "60×80"),
-    no_image: ("'low_003.jpg': .*is not an image", "is not an image"),
+    no_image: ("1 of 60 frames .*low_003.jpg is not an image", "is not an image"),
 }
 
 
@@ -250,6 +255,23 @@ def test_frames_that_cannot_be_read_are_named_or_left_out(walk, tmp_path, break_
     assert left_out in record["low_003.jpg"]["left_out"]
     assert sum("samples" in entry for entry in record.values()) == 59
     assert not document.apply(THRESHOLD).skipped
+
+
+def test_all_unusable_frames_are_named_at_once(walk, tmp_path):
+    def break_four(project: Project) -> None:
+        for k, break_it in enumerate((missing, empty, no_image, missing)):
+            project.rasters[5 * k].path = tmp_path / f"frame_{k}.jpg"
+            shutil.copy(walk.parent / "low/low_003.jpg", project.rasters[5 * k].path)
+            break_it(project.rasters[5 * k].path)
+
+    document = Document.open(edited(walk, tmp_path / "in", break_four), tmp_path / "out")
+    document.apply(TEXELS, texture_size=48)
+    found = (
+        r"4 of 60 .*frame_0.jpg does not exist; .*frame_1.jpg is empty; .*frame_2.jpg is not an "
+        r"image.*frame_3.jpg does not exist"
+    )
+    with pytest.raises(DocumentError, match=found):
+        document.apply(SAMPLES)
 
 
 def test_frames_that_are_all_missing_and_cameras_that_see_nothing(walk, tmp_path):
