@@ -210,13 +210,14 @@ def test_depth_jump_lowers_quality_around_it_in_proportion_to_the_image():
 
 
 def test_silhouettes_are_the_same_on_all_four_sides():
-    """An object's pixels beside the background stay, and its own on both sides of a step go."""
-    inverse_depth = np.zeros((7, 9), np.float32)
-    inverse_depth[2:5, 3:6] = 1.0
-    smooth = np.ones((7, 9), np.uint8)
+    """The object's pixels beside the background go, and those on both sides of a step."""
+    inverse_depth = np.zeros((8, 9), np.float32)
+    inverse_depth[2:6, 2:7] = 1.0
+    smooth = np.ones((8, 9), np.uint8)
     _mark_jumps(inverse_depth, 0.05, smooth)
-    np.testing.assert_array_equal(smooth, inverse_depth > 0)
-    inverse_depth[2:5, 4] = 0.5
+    assert (smooth[3:5, 3:6] == 1).all()
+    assert smooth.sum() == 6
+    inverse_depth[:, 4] *= 0.5
     _mark_jumps(inverse_depth, 0.05, smooth)
     assert not smooth.any()
 
