@@ -127,10 +127,11 @@ def run_script(
     """
     check_script(steps)
     with document.results.locked():
-        for step in steps:
+        for index, step in enumerate(steps):
             if step.ours:
                 watch = show(step.name) if show else None
-                yield document.apply(step.name, force, watch, **step.parameters)
+                anew = force or _edits_again(document, step, steps[index + 1 :])
+                yield document.apply(step.name, anew, watch, **step.parameters)
                 continue
             start = time.perf_counter()
             if foreign is None:
@@ -140,6 +141,12 @@ def run_script(
             else:
                 foreign(step)
             yield Outcome(step.name, "done by MeshLab", time.perf_counter() - start)
+
+
+def _edits_again(document: Document, step: Step, later: list[Step]) -> bool:
+    """Whether what the step makes was edited, and the script itself edits it: from its start."""
+    edits = {product for s in later if s.ours for product in registry.get(s.name).edits}
+    return any(document.edited(p) and p in edits for p in registry.get(step.name).writes)
 
 
 def _element(step: Step) -> ET.Element:

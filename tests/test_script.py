@@ -144,6 +144,18 @@ def test_an_unchanged_chain_does_not_run_and_a_forced_one_does(script, document)
         assert [outcome.skipped for outcome in outcomes] == [skipped, skipped]
 
 
+def test_a_script_that_edits_what_it_makes_gives_the_same_again(script, document):
+    """What follows an edit does not run twice; an edit of the user's between runs is kept."""
+    edit, after = '<filter name="apply_demo_edit"/>', TEXELS + SHADE
+    steps = read_script(script(after + edit))
+    list(run_script(document, steps))
+    once = document.attribute("height")
+    assert [o.skipped for o in run_script(document, steps)] == [True, False, False]
+    np.testing.assert_array_equal(document.attribute("height"), once)
+    assert [o.skipped for o in run_script(document, read_script(script(after)))] == [True, True]
+    np.testing.assert_array_equal(document.attribute("height"), once)
+
+
 def test_progress_is_shown_by_filter(script, document):
     shown = []
     steps = read_script(script(TEXELS + SHADE))

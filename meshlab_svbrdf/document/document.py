@@ -204,7 +204,8 @@ class Document(Products):
     ) -> Outcome:
         """Run a filter and commit what it sets, whole or not at all.
 
-        Not run where its last result was made from the same parameters and inputs, unless `force`.
+        Not run where its last result was made from the same parameters and inputs, even if that was
+        edited since, unless `force`.
 
         Raises
         ------
@@ -220,7 +221,9 @@ class Document(Products):
             inputs = fresh.inputs(filter, given)
             key = filter_key(filter, given, inputs)
             if not force and fresh.unchanged(filter, key):
-                return Outcome(filter.name, "unchanged", skipped=True)
+                edited = any(self.edited(product) for product in filter.writes)
+                message = "unchanged but for edits (kept)" if edited else "unchanged"
+                return Outcome(filter.name, message, skipped=True)
             resolve_lengths(filter, given, self.mesh)
 
             run: dict[str, Any] = {
@@ -255,6 +258,10 @@ class Document(Products):
     def stale(self, product: str) -> str:
         """Why `product` no longer belongs to this document, or "" where it does."""
         return self._freshness().stale(product)
+
+    def edited(self, product: str) -> bool:
+        """Whether another filter changed `product` since it was made."""
+        return "maker" in self.results.record["products"].get(product, {})
 
     def _freshness(self) -> Freshness:
         return Freshness(

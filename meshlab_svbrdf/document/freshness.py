@@ -93,12 +93,15 @@ class Freshness:
         return keys
 
     def unchanged(self, filter: Filter, key: str) -> bool:
-        """Whether the filter's products are those of this key, with every file in its place."""
+        """Whether the filter's products are those of this key, with every file in its place.
+
+        What was edited since it was made counts as made: editing is the user's work.
+        """
         if not filter.writes or filter.edits:
             return False
         return all(
             name in self._products
-            and self._products[name]["key"] == key
+            and key in (self._products[name]["key"], self._products[name].get("maker"))
             and not self.stale(name)
             and all((self._results.path / file).exists() for file in self._products[name]["files"])
             for name in filter.writes

@@ -213,7 +213,11 @@ class Products:
                     return
                 made = self._product(before, filter, key or secrets.token_hex(32), inputs or {})
                 _mark_overwritten(record["products"], products, self._writing.files)
-                record["products"] |= {name: copy.deepcopy(made) for name in products}
+                for name in products:
+                    record["products"][name] = copy.deepcopy(made)
+                    if name in edits and name in before:
+                        maker = before[name].get("maker", before[name]["key"])
+                        record["products"][name]["maker"] = maker
                 if filter:
                     record["runs"][filter] = run
                 self.results.commit(record)

@@ -5,7 +5,8 @@ state is certain, and whoever opens the folder next finishes the moves if this p
 killed run leaves either all of a filter's results or none.
 
 svbrdf.json:
-  products   per product: the filter that made it, its key, the keys of what went in, files, layers
+  products   per product: the filter that made it, its key, the keys of what went in, files, layers;
+             where it was edited, that is the edit, and `maker` is the key it was made with
   runs       per filter: parameters, key, version, outcome, seconds, date of its last run
   settings   what the user chose: object layer, held-out rasters, attribute shown as Quality
 """

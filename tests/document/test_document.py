@@ -102,7 +102,7 @@ def test_a_users_layer_may_be_called_as_ours(small_project):
 
 def test_a_project_without_a_mesh_says_so(small_project):
     project = read_project(small_project)
-    project.remove_mesh("stone")
+    project.meshes.clear()
     write_project(project, small_project)
     with pytest.raises(DocumentError, match=r"no mesh layer with faces \(its layers: none\)"):
         Document.open(small_project).object_layer()
@@ -205,14 +205,28 @@ def test_lengths_arrive_in_world_units(document):
     assert got == [pytest.approx(0.1 * np.sqrt(3), rel=1e-12), 0.25]
 
 
-def test_an_edit_is_never_unchanged_and_its_maker_starts_anew(shaded):
+def test_an_edit_is_never_unchanged_and_kept_until_its_maker_is_forced(shaded):
     before = shaded.attribute("height")
     assert ran(shaded, EDIT, EDIT) == [True, True]
     assert np.array_equal(shaded.attribute("height"), before + 2)
     assert shaded.map("height")
     assert shaded.stale("shade") == ""
-    assert ran(shaded, SHADE) == [True]
+    again = shaded.apply(SHADE)
+    assert (again.skipped, again.message) == (True, "unchanged but for edits (kept)")
+    assert np.array_equal(shaded.attribute("height"), before + 2)
+    assert ran(shaded, SHADE, force=True) == [True]
     assert np.array_equal(shaded.attribute("height"), before)
+    assert shaded.apply(SHADE).message == "unchanged"
+
+
+def test_an_edited_product_is_made_anew_from_changed_inputs(shaded):
+    before = shaded.attribute("height")
+    shaded.apply(EDIT)
+    assert ran(shaded, TEXELS, force=True) == [True]
+    assert ran(shaded, SHADE) == [False]
+    shaded.layers[0].matrix[:3, 3] += 1
+    assert ran(shaded, TEXELS, SHADE) == [True, True]
+    assert not np.array_equal(shaded.attribute("height"), before + 1)
 
 
 def test_held_out_frames_are_every_eighth_by_name_and_no_filter_sees_them(document):
