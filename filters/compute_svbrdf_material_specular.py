@@ -168,7 +168,7 @@ def _footprint(document: Document, texels: Texels) -> float:
 def _entry(identity: int, material: Material, seen: np.ndarray) -> dict:
     return {
         "id": identity, "rho_s": seen[0] / 100, "alpha": seen[1],
-        "rho_s_point": material.rho_s / 100, "alpha_point": material.alpha,
+        "rho_s_lobe": material.rho_s / 100, "alpha_lobe": material.alpha,
         "texels": material.texels, "observed": material.observed, "reason": material.reason,
         "specular_color": material.color, "z": material.z, "ln_alpha_interval": material.width,
         "explained_variance": material.explained,

@@ -70,8 +70,8 @@ def read_appearance(document: Document) -> list[Appearance]:
     table = np.full((max((m["id"] for m in materials), default=0) + 2, 5), np.nan)
     for m in materials:
         table[m["id"]] = [
-            m["rho_s_point"] or np.nan,
-            m["alpha_point"] or np.nan,
+            m["rho_s_lobe"] or np.nan,
+            m["alpha_lobe"] or np.nan,
             *m["specular_color"],
         ]
     texels = document.texels()

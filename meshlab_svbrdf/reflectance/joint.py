@@ -122,7 +122,7 @@ def fit(
         limits = flatness / shiny / (2 * footprint) if flatness > 0 else shiny + np.inf
         chosen, lacking = choose_texels(material, counts, turn, limits, budget, offset)
         named = [int(ids[m]) for m in lacking] if ids is not None else lacking
-        note = f"materials {named}: hardly any of the surface is flat enough to tell"
+        note = f"materials {named} are curved nearly everywhere: their gloss is less certain"
         if lacking and flatness == curvature and note not in notes:
             notes.append(note)
         chosen = np.setdiff1d(chosen, without)

@@ -282,7 +282,7 @@ def test_curved_surfaces_are_named(scene):
     """Nothing is flat enough: the flattest twentieth is taken, and a note says so."""
     turn = 100 * (1 + np.random.default_rng(0).random(T))
     found = fit(scene.observations, scene.material, guess(), turn, FOOTPRINT)
-    assert any("flat enough" in note for note in found.notes)
+    assert any("curved nearly everywhere" in note for note in found.notes)
     everything = fit(scene.observations, scene.material, guess(), turn, FOOTPRINT, curvature=0)
     assert everything.notes == []
     assert_materials(everything, scene, 0.03)
@@ -293,7 +293,7 @@ def test_notes_add_up(scene):
     found = fit(
         scene.observations, scene.material, guess([*LIGHTS, lamp([0, -1, 0.3])]), turn, FOOTPRINT
     )
-    assert any("flat enough" in note for note in found.notes)
+    assert any("curved nearly everywhere" in note for note in found.notes)
     assert any("dropped" in note for note in found.notes)
 
 
