@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from meshlab_svbrdf.document.document import Document
+from meshlab_svbrdf.document.images import texture_files
 from meshlab_svbrdf.document.layers import Layer
 from meshlab_svbrdf.document.mesh_files import MeshFile
 from meshlab_svbrdf.errors import SvbrdfError
@@ -37,23 +38,21 @@ def set_labels(document: Document, texels: Texels, labels: np.ndarray) -> str:
     """Stage attribute, maps/material.png and the layer; what there is, in words."""
     document.set_attribute("material", labels.astype(np.int32))
     count = int(labels.max(initial=-1)) + 1
-    kind, none = (np.uint8, 255) if count < 255 else (np.uint16, 65535)
+    kind, none = (np.uint8, 255) if count <= 255 else (np.uint16, 65535)
     ids = np.where(labels >= 0, labels, none).astype(kind)
     document.set_map("material", texels.to_images(ids, none), kind="png")
 
     # Show the clusters in distinct colours
-    colors = np.vstack([palette(count), [[60, 60, 60]]]).astype(np.uint8)[labels]
+    used = np.unique(labels[labels >= 0])
+    rank = np.where(labels >= 0, np.searchsorted(used, labels), -1)
+    colors = np.vstack([palette(len(used)), [[60, 60, 60]]]).astype(np.uint8)[rank]
     set_texture(document, "materials_shown", texels, colors)
     layer = document.object_layer()
     mesh = document.mesh()
     local = replace(layer.read().mesh, uv=mesh.uv, texture_index=mesh.texture_index)
-    sizes = range(len(texels.sizes))
-    textures = tuple(
-        document.folder / "maps" / ("materials_shown.png" if k == 0 else f"materials_shown.{k}.png")
-        for k in sizes
-    )
+    shown = document.folder / "maps" / "materials_shown.png"
+    textures = tuple(texture_files(shown, len(texels.sizes)))
     document.set_layer(
         Layer("materials", None, layer.matrix, False, MeshFile(mesh=local, textures=textures))
     )
-    used = np.unique(labels[labels >= 0])
     return f"{len(used)} clusters, {100 * np.mean(labels >= 0):.1f} % of the texels"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from meshlab_svbrdf.document.document import Document
-from meshlab_svbrdf.document.images import read_image
+from meshlab_svbrdf.document.images import read_image, texture_files
 from meshlab_svbrdf.filter import Filter, Namespace, Parameter
 from meshlab_svbrdf.progress import Progress
 from meshlab_svbrdf.reflectance.labels import from_image
@@ -21,9 +21,9 @@ FILTER = Filter(
     parameters=(
         Parameter(
             "image", "path", "",
-            help="An image in UV space whose values or colours are the materials (grey 255, or "
-            "65535 in 16 bits, is none), for the first texture; NAME.1.png … for others. Empty: "
-            "automatic.",
+            help="An image in UV space, for the first texture; NAME.1.png … for others. Its grey "
+            "values are the materials' ids (255, or 65535 in 16 bits, is none), or its colours "
+            "are told apart (ids from 0). Empty: automatic.",
         ),
         Parameter(
             "threshold", "float", 10.0, minimum=0.5, maximum=100.0, unit="CIE Lab",
@@ -57,12 +57,10 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
     texels = document.texels()
     if parameters.image is not None:
         path = parameters.image
-        names = [path] + [
-            path.with_name(f"{path.stem}.{k}{path.suffix}") for k in range(1, len(texels.sizes))
-        ]
-        labels, _ = from_image(
-            [read_image(n) for n in names], texels.texture, texels.row, texels.col, texels.sizes
-        )
+        images = [read_image(name) for name in texture_files(path, len(texels.sizes))]
+        labels, table = from_image(images, texels.texture, texels.row, texels.col, texels.sizes)
+        if table.ndim == 1:  # grey values are ids, and stay
+            labels = np.where(labels >= 0, np.append(table.astype(np.int32), -1)[labels], -1)
         labels = np.where(np.isfinite(document.attribute("diffuse")).all(1), labels, -1)
         return set_labels(document, texels, labels) + f", given by {path.name}"
     progress(0.1, "growing regions")

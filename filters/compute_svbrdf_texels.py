@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from meshlab_svbrdf.document.document import Document
-from meshlab_svbrdf.document.images import read_image
+from meshlab_svbrdf.document.images import read_image, texture_files
 from meshlab_svbrdf.errors import SvbrdfError
 from meshlab_svbrdf.filter import Filter, Namespace, Parameter
 from meshlab_svbrdf.geometry.mesh import Mesh
@@ -90,8 +90,9 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
             "no texel lies inside a chart: the texture coordinates are empty or out of range"
         )
     if parameters.normal_map:
+        images = [read_image(name) for name in texture_files(parameters.normal_map, count)]
         normals, valid = apply_normal_map(
-            texels, mesh, _normal_images(parameters.normal_map, count),
+            texels, mesh, images,
             parameters.normal_space, parameters.green, document.object_layer().matrix,
         )  # fmt: skip
         texels = replace(texels, normal=normals.astype(np.float32))
@@ -113,8 +114,3 @@ def _check_charts(mesh: Mesh, sizes, allow_overlap: bool) -> list[str]:
             "(overlapping charts): pass parametrise=always for new ones, or allow_overlap=true"
         )
     return [] if report.ok else [report.message]
-
-
-def _normal_images(path, count: int) -> list[np.ndarray]:
-    names = [path] + [path.with_name(f"{path.stem}.{k}{path.suffix}") for k in range(1, count)]
-    return [read_image(name) for name in names]

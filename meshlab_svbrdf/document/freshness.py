@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable
 from functools import cache
+from itertools import count, takewhile
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from .. import registry
 from ..errors import DocumentError, MissingStageError
 from ..filter import INPUTS, Filter, Namespace, Percentage
 from ..geometry.mesh import Mesh
+from .images import texture_files
 from .record import ResultFolder, digest
 
 LAYER = "layer "  # before a label: an input that a parameter of the kind "layer" names
@@ -133,7 +135,11 @@ def _key_of(value: Any) -> Any:
     if isinstance(value, np.ndarray):
         return value.tolist()
     if isinstance(value, Path):
-        return _file_digest(value) if value.is_file() else str(value)
+        if not value.is_file():
+            return str(value)
+        files = takewhile(Path.is_file, (texture_files(value, k + 1)[k] for k in count()))
+        digests = [_file_digest(file) for file in files]
+        return digests if len(digests) > 1 else digests[0]
     return value
 
 

@@ -143,6 +143,11 @@ def read_exr(path: str | Path) -> np.ndarray:
     )
 
 
+def texture_files(path: Path, count: int) -> list[Path]:
+    """The images of `count` textures: NAME.png, NAME.1.png, NAME.2.png …"""
+    return [path] + [path.with_name(f"{path.stem}.{k}{path.suffix}") for k in range(1, count)]
+
+
 def _decode(path: str | Path, where: str, flags: int) -> np.ndarray:
     try:
         data = Path(path).read_bytes()

@@ -73,7 +73,7 @@ def test_an_image_says_which_texel_is_of_what(result, truth, tmp_path):
     texels = result.texels()
     seen = np.isfinite(result.attribute("diffuse")[:, 0])
     said = result.apply(MATERIALS, image=truth / "material_id.png")
-    assert said.message.startswith("3 clusters, 88")
+    assert said.message.startswith("3 clusters, 87")
     assert said.message.endswith("given by material_id.png")
     true = read_image(truth / "material_id.png").astype(int)[texels.row, texels.col]
     np.testing.assert_array_equal(labels(result), np.where(seen, true, -1))
@@ -98,6 +98,21 @@ def test_the_same_image_is_not_read_twice_and_a_changed_one_is(result, truth, tm
     write_png(tmp_path / "ids.png", ids // 2)
     assert not result.apply(MATERIALS, image=tmp_path / "ids.png").skipped
     assert labels(result).max() == 1
+    for value in (0, 1):  # a further texture's image counts, too
+        write_png(tmp_path / "ids.1.png", np.full_like(ids, value))
+        assert not result.apply(MATERIALS, image=tmp_path / "ids.png").skipped
+        assert result.apply(MATERIALS, image=tmp_path / "ids.png").skipped
+
+
+def test_grey_values_are_the_ids(result, truth, tmp_path):
+    ids = read_image(truth / "material_id.png")
+    given = np.where(ids == 255, 255, np.uint8(7) + 100 * ids.clip(0, 2)).astype(np.uint8)
+    write_png(tmp_path / "ids.png", given)
+    result.apply(MATERIALS, image=tmp_path / "ids.png")
+    assert set(np.unique(labels(result))) == {-1, 7, 107, 207}
+    assert len(np.unique(result.map("materials_shown", "png")[0].reshape(-1, 3), axis=0)) >= 4
+    result.apply(GLOSS)
+    assert [m["id"] for m in result.json("materials")["materials"]] == [7, 107, 207]
 
 
 def test_unusable_images_change_nothing(result, tmp_path):
@@ -132,6 +147,17 @@ def test_merged_clusters_become_the_first_of_them(result, by):
     assert {m["id"] for m in result.json("materials")["materials"]} == set(before[before >= 0]) - {
         2
     }
+
+
+def test_a_second_run_keeps_what_was_merged(result):
+    result.apply(MERGE, ids="0 2")
+    merged = labels(result)
+    again = result.apply(MATERIALS)
+    assert (again.skipped, again.message) == (True, "unchanged but for edits (kept)")
+    assert [result.apply(GLOSS).skipped for _ in range(2)] == [False, True]
+    np.testing.assert_array_equal(labels(result), merged)
+    assert not result.apply(MATERIALS, force=True).skipped
+    assert (labels(result) == 2).any()
 
 
 @pytest.mark.parametrize("by", ["id", "stroke"])
