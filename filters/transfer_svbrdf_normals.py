@@ -59,6 +59,7 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
             f"{own!r}: check that the two are aligned, or raise max_distance"
         )
     document.set_map("normal", encode_normal_map(texels, mesh, normals), kind="png")
+    document.show_map("normal")
     document.set_texels(replace(texels, normal=normals.astype(np.float32)))
     document.set_array("texels_detail", hit)
     document.set_attribute("baked", hit.astype(np.uint8))

@@ -55,6 +55,7 @@ def read_obj(path: Path) -> MeshFile:
     textures: tuple[Path, ...] = ()
     if vt and (corner[:, 1] >= 0).any():
         table = _numbers(vt, (1, 2, 3), path, "vt")
+        table = np.pad(table, ((0, 0), (0, 1)))  # v is 0 where it is left out
         wedge = corner[triangle, 1]
         has = (wedge >= 0).all(axis=1)
         uv = np.where(has[:, None, None], table[wedge, :2], 0.0)

@@ -469,3 +469,9 @@ def test_the_scenes_meshes_agree_with_plyfile_and_meshlab(scene, tmp_path):
     np.testing.assert_array_equal(back.mesh.vertices, file.mesh.vertices)
     np.testing.assert_array_equal(back.mesh.uv, file.mesh.uv)
     assert back.textures == file.textures
+
+
+def test_an_objs_texture_coordinates_may_leave_out_v(tmp_path):
+    path = tmp_path / "strip.obj"
+    path.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0\nvt 0.25\nvt 1\nf 1/1 2/2 3/3\n")
+    np.testing.assert_array_equal(read_mesh(path).mesh.uv, [[[0, 0], [0.25, 0], [1, 0]]])
