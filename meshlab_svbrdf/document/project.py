@@ -75,10 +75,6 @@ class Project:
         mesh.path, mesh.matrix, mesh.visible = absolute(path), checked_matrix(matrix), visible
         return mesh
 
-    def remove_mesh(self, label: str) -> None:
-        """Take the layer of that label out; its file stays."""
-        self.meshes.remove(self.mesh(label))
-
     def add_raster(
         self,
         label: str,

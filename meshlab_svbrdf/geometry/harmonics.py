@@ -100,17 +100,6 @@ def basis(directions: np.ndarray, bands: int = BANDS) -> np.ndarray:
 
 
 @njit(cache=True, nogil=True)
-def fill_basis(x, y, z, out):
-    """The 36 harmonics of one unit direction, written to `out` (36,); for other kernels."""
-    legendre = _legendre(np.float64(z))
-    cosine, sine = _azimuth(np.float64(x), np.float64(y))
-    for l in range(BANDS):
-        for m in range(l + 1):
-            out[l * (l + 1) - m] = legendre[l * (l + 1) // 2 + m] * sine[m]
-            out[l * (l + 1) + m] = legendre[l * (l + 1) // 2 + m] * cosine[m]
-
-
-@njit(cache=True, nogil=True)
 def evaluate(k, x, y, z):
     """Σ k_lm Y_lm of one unit direction; k (36,); for other kernels.
 

@@ -17,7 +17,6 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
-from numba import njit
 
 from .harmonics import BANDS, COEFFICIENTS, basis
 from .mesh import Mesh
@@ -201,27 +200,6 @@ def directional_visibility(
 def remap(visibility: np.ndarray) -> np.ndarray:
     """clip((V − 0.25)/0.5, 0, 1): takes the harmonics' ringing back to 0..1."""
     return np.clip((visibility - 0.25) * 2, 0, 1)
-
-
-@njit(cache=True, nogil=True)
-def remap_value(visibility):
-    """`remap` of one number, for kernels."""
-    return min(max((visibility - 0.25) * 2.0, 0.0), 1.0)
-
-
-@njit(cache=True, nogil=True)
-def texel_coefficients(coefficients, faces, face, barycentric, out):
-    """One texel's harmonics between those of its face's vertices, for kernels.
-
-    coefficients (V, 36), faces (F, 3), face int, barycentric (3,); written to `out` (36,).
-    """
-    a, b, c = faces[face, 0], faces[face, 1], faces[face, 2]
-    for k in range(out.shape[0]):
-        out[k] = (
-            barycentric[0] * coefficients[a, k]
-            + barycentric[1] * coefficients[b, k]
-            + barycentric[2] * coefficients[c, k]
-        )
 
 
 def _off_surface(

@@ -20,7 +20,6 @@ from numba import njit
 
 from ..threads import thread_count
 
-BYTES_PER_SAMPLE = 5
 _COLUMNS = {"frame": (np.uint8, ()), "rgb": (np.uint8, (3,)), "quality": (np.uint8, ())}
 
 

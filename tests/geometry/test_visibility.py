@@ -5,19 +5,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numba import njit
 from plyfile import PlyData
 
-from meshlab_svbrdf.geometry.harmonics import basis, evaluate
+from meshlab_svbrdf.geometry.harmonics import basis
 from meshlab_svbrdf.geometry.mesh import Mesh
 from meshlab_svbrdf.geometry.visibility import (
     Rays,
     directional_visibility,
     needs_visibility,
     remap,
-    remap_value,
     spread_directions,
-    texel_coefficients,
     vertex_visibility,
 )
 
@@ -192,25 +189,6 @@ def test_nearest_hit_is_exact():
 def test_remap():
     v = np.array([-np.inf, -1, 0, 0.25, 0.5, 0.75, 1, np.inf])
     np.testing.assert_array_equal(remap(v), [0, 0, 0, 0, 0.5, 1, 1, 1])
-    np.testing.assert_array_equal([remap_value(x) for x in v], remap(v))
-
-
-@njit
-def texel_value(coefficients, faces, face, barycentric, direction, out):
-    texel_coefficients(coefficients, faces, face, barycentric, out)
-    return evaluate(out, direction[0], direction[1], direction[2])
-
-
-def test_texels_lie_between_their_vertices():
-    rng = np.random.default_rng(0)
-    mesh, k = square(), rng.normal(size=(4, 36)).astype(np.float32)
-    out = np.empty(36, np.float32)
-    for barycentric in np.vstack([np.eye(3), rng.dirichlet([1, 1, 1], 5)]).astype(np.float32):
-        value = texel_value(k, mesh.faces, 1, barycentric, UP, out)
-        np.testing.assert_allclose(out, barycentric @ k[mesh.faces[1]], atol=1e-6)
-        np.testing.assert_allclose(
-            value, barycentric @ (k[mesh.faces[1]] @ basis(UP[None])[0]), atol=1e-5
-        )
 
 
 @pytest.fixture
