@@ -210,7 +210,7 @@ def render(
                 f"`meshlab-svbrdf run {project} -o out` and render out/{project.name}"
             )
         with _stages(as_json) as (say, show):
-            say(document.apply("generate_svbrdf_rendering", False, show("render"), **parameters))
+            say(document.apply(RENDERING, False, show("render"), **parameters))
 
 
 def main() -> None:
