@@ -90,9 +90,9 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
             "no texel lies inside a chart: the texture coordinates are empty or out of range"
         )
     if parameters.normal_map:
-        images = [read_image(name) for name in texture_files(parameters.normal_map, count)]
+        maps = [read_image(name) for name in texture_files(parameters.normal_map, count)]
         normals, valid = apply_normal_map(
-            texels, mesh, images,
+            texels, mesh, maps,
             parameters.normal_space, parameters.green, document.object_layer().matrix,
         )  # fmt: skip
         texels = replace(texels, normal=normals.astype(np.float32))
