@@ -126,7 +126,9 @@ def test_no_limit_takes_curved_texels_too():
 
 
 @pytest.mark.parametrize(
-    ("material", "counts"), [(-1, 50), (0, MINIMUM_SAMPLES - 1)], ids=["no material", "too few samples"]
+    ("material", "counts"),
+    [(-1, 50), (0, MINIMUM_SAMPLES - 1)],
+    ids=["no material", "too few samples"],
 )
 def test_nothing_to_choose(material, counts):
     chosen, lacking = choose_texels(
