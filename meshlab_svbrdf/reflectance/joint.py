@@ -111,6 +111,8 @@ def fit(
     counts = observations.store.counts()
     rho, alpha = np.zeros(count), np.full(count, FIRST_ALPHA)
 
+    curved = np.zeros(count, bool)
+
     def gather(
         pool: ThreadPoolExecutor,
         budget: int,
@@ -121,6 +123,7 @@ def fit(
         shiny = np.sqrt(np.maximum(alpha, FIRST_ALPHA))
         limits = flatness / shiny / (2 * footprint) if flatness > 0 else shiny + np.inf
         chosen, lacking = choose_texels(material, counts, turn, limits, budget, offset)
+        curved[:] = np.isin(np.arange(count), lacking)
         named = [int(ids[m]) for m in lacking] if ids is not None else lacking
         note = f"materials {named} are curved nearly everywhere: their gloss is less certain"
         if lacking and flatness == curvature and note not in notes:
@@ -170,13 +173,17 @@ def fit(
                         samples = max(samples * len(lights) // points, samples // 8)
                         state = renewed(pool)
             progress(r + 1, rounds)
-        # Now that the lights are known, take ρs and α from the flattest texels
+        # Now that the lights are known, take ρs and α from flatter texels, where there are enough
         state = gather(pool, samples, FLATTER * curvature)
+        flat = ~curved
         state.light(lights)
         for _ in range(2):
             state.predict(rho, alpha)
             state.reweigh(censoring)
-            profiles = state.profiles()
+            profiles = [
+                after if enough else before
+                for before, after, enough in zip(profiles, state.profiles(), flat, strict=True)
+            ]
             rho = np.array([p.rho_s for p in profiles])
             alpha = np.array([p.alpha for p in profiles])
         # Judge by texels that the fit has not used whether it explains anything

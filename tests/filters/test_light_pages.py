@@ -188,7 +188,7 @@ def test_a_scene_without_gloss_says_so_and_keeps_its_diffuse_colour(tmp_path_fac
     options = replace(WALK, frames=40, texture=64, materials=matte, views=0)
     document = Document.open(film(tmp_path_factory, options), tmp_path)
     said = run(document, **sized(options))[GLOSS].message
-    assert "no gloss is observed: the lights stay as they were found" in said
+    assert "no gloss is observed, so nothing shows where the lights are" in said
     assert all(m["reason"] and not m["observed"] for m in document.json("materials")["materials"])
     assert np.isnan(document.map("rho_s")[0]).all()
     assert np.isnan(document.map("alpha")[0]).all()

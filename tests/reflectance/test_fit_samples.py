@@ -102,7 +102,7 @@ def test_chosen_texels_are_usable_flat_and_of_every_material(seed, samples, limi
         assert len(own) > 0
         assert own.max() <= max(limits[m], flattest)
         assert (m in lacking) == (flattest > limits[m])
-    assert counts[chosen].sum() <= samples + 4 * counts.max()
+    assert counts[chosen].sum() <= 1.5 * samples + 4 * counts.max()  # evenly spaced, not counted
     other, _ = choose_texels(material, counts, turn, limits, samples, offset=1)
     assert not np.intersect1d(chosen, other).size
 
