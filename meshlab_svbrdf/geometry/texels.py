@@ -1,4 +1,4 @@
-"""Texels: one for each pixel centre of the texture images that lies in a triangle (method 0)."""
+"""Texels: one for each pixel centre of the texture images that lies in a triangle."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The diffuse colour once the lobes are known: D_i = Σ w'(I − c_m ρφ) / Σ w' (method 9)."""
+"""The diffuse colour once the lobes are known: D_i = Σ w'(I − c_m ρφ) / Σ w'."""
 
 from __future__ import annotations
 

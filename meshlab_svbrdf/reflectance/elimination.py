@@ -1,4 +1,4 @@
-"""ρs and α of every material by eliminating each texel's diffuse term exactly (method 9).
+"""ρs and α of every material by eliminating each texel's diffuse term exactly.
 
 y_ij = D_i + ρ_m φ_ij(α_m) is linear in D_i and ρ_m. For a grid of shininesses the sums
 N = Σ_i [Σwφy − Σwφ Σwy/W], Q = Σ_i [Σwφ² − (Σwφ)²/W], T = Σ_i [Σwy² − (Σwy)²/W] give

@@ -1,4 +1,4 @@
-"""Do the samples determine a material's gloss? Else it is "unobserved", not a number (method 9)."""
+"""Do the samples determine a material's gloss? Else it is "unobserved", not a number."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The joint estimator: materials, lights and diffuse colour from the same samples (method 9).
+"""The joint estimator: materials, lights and diffuse colour from the same samples.
 
 y_ij = D_i + ρ_m φ_ij(α_m), φ_ij = Σ_k g_k V_ik (l_ik·r_ij)₊^α. Rounds of: eliminate D exactly for
 ρs and α, weigh the samples by their residuals, let clipped samples count as lower bounds, and take

@@ -1,4 +1,4 @@
-"""Gauss-Newton on the lights: direction, ln gain, κ and bar of each, texel-centred (method 9).
+"""Gauss-Newton on the lights: direction, ln gain, κ and bar of each, texel-centred.
 
 Every texel's D_i is eliminated by centring, so that only what varies among a texel's samples
 counts.

@@ -1,4 +1,4 @@
-"""Long lamps: how far a light reaches along the axis of its blob (method 9).
+"""Long lamps: how far a light reaches along the axis of its blob.
 
 How wide a compact lamp is cannot be told from the lobe; how long a tube is can, since highlights
 are longer along it than across.

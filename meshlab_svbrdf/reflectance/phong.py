@@ -1,4 +1,4 @@
-"""Phong lobes under near lights: what a texel should show of each light (paper eq. 1, method 9).
+"""Phong lobes under near lights: what a texel should show of each light (paper eq. 1).
 
 A light k stands towards d_k as seen from the object's centre c, at the distance 1/κ_k radii. At x
 it is seen along L = d − κ (x − c)/radius, l = L/|L|, with the gain g/|L|². A long lamp is a row of

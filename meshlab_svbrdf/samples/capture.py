@@ -1,4 +1,4 @@
-"""One frame projected to texels: which see it, how well, in what colour (method 1, [CCCS08])."""
+"""One frame projected to texels: which see it, how well, in what colour ([CCCS08])."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _TO_CODE = np.rint(255 * encode((np.arange(_STEPS + 1)) / _STEPS)).astype(np.uin
 
 @dataclass(frozen=True)
 class Quality:
-    """How the quality of a sample falls (method 1); lengths in pixels scale with width / 640.
+    """How the quality of a sample falls; lengths in pixels scale with width / 640.
 
     border : pixels, at 640 wide, over which quality rises from a depth jump, the image's border or
         the mask's edge

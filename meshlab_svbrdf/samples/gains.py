@@ -1,4 +1,4 @@
-"""How bright each frame is, seen from the texels that frames share (method 1, real photographs)."""
+"""How bright each frame is, seen from the texels that frames share."""
 
 from __future__ import annotations
 
