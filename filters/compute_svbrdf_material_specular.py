@@ -116,7 +116,7 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
         {
             "estimator": parameters.estimator,
             "materials": [
-                _entry(int(k), m, s) for k, m, s in zip(ids, materials, seen, strict=False)
+                _entry(int(k), m, s) for k, m, s in zip(ids, materials, seen[:-1], strict=True)
             ],
             "notes": notes,
         },

@@ -87,13 +87,11 @@ def environment_map(
         )
         return sums
 
-    (amount, weight), count = work_sum = (
-        np.zeros((2, height, 2 * height)),
-        np.zeros((height, 2 * height), np.int64),
-    )
-    for part in observations.store.stream(work, progress):
-        for total, own in zip(work_sum, part, strict=True):
-            total += own
+    amount, weight = sums = np.zeros((2, height, 2 * height))
+    count = np.zeros((height, 2 * height), np.int64)
+    for own_sums, own_count in observations.store.stream(work, progress):
+        sums += own_sums
+        count += own_count
     divisor = {"weight": weight, "count": count}[normalisation]
     radiance = np.divide(amount, divisor, out=np.zeros_like(amount), where=divisor > 0)
     seen = radiance[weight > 0]

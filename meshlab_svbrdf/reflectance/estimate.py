@@ -59,6 +59,7 @@ def estimate(
         return lambda done, total: progress(start + (stop - start) * done / max(total, 1), what)
 
     notes: list[str] = []
+    corrected = None
     step = 0.75 / (1 + CORRECTIONS)
     for k in range(1 + CORRECTIONS):
         found = fit(
@@ -80,10 +81,10 @@ def estimate(
             f"normals corrected by {np.degrees(better.turned):.2f}°, which takes {better.gain:.0%} "
             "of the error from unseen samples"
         )
-        observations = with_normals(observations, better.normal)
+        corrected = better.normal
+        observations = with_normals(observations, corrected)
     refitted = refit_diffuse(
         observations, diffuse, material, rho_s, alpha, np.transpose(color), lights,
         part(0.75, 0.95, "diffuse colour"),
     )  # fmt: skip
-    normal = observations.view.normal if notes else None
-    return Estimate(found.materials, lights, refitted, normal, notes + found.notes)
+    return Estimate(found.materials, lights, refitted, corrected, notes + found.notes)

@@ -88,7 +88,10 @@ class FitState:
         samples: FitSamples,
         materials: int,
         pool: ThreadPoolExecutor,
+        curved: np.ndarray,
     ):
+        """curved : (M,) bool, the materials that have hardly any texel flat enough."""
+        self.curved = curved
         self.observations, self.samples, self.materials = observations, samples, materials
         self.position = observations.view.position[samples.texel]
         self.chunks = Chunks(len(samples.texel), pool)

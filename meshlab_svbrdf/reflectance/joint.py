@@ -111,8 +111,6 @@ def fit(
     counts = observations.store.counts()
     rho, alpha = np.zeros(count), np.full(count, FIRST_ALPHA)
 
-    curved = np.zeros(count, bool)
-
     def gather(
         pool: ThreadPoolExecutor,
         budget: int,
@@ -123,13 +121,14 @@ def fit(
         shiny = np.sqrt(np.maximum(alpha, FIRST_ALPHA))
         limits = flatness / shiny / (2 * footprint) if flatness > 0 else shiny + np.inf
         chosen, lacking = choose_texels(material, counts, turn, limits, budget, offset)
-        curved[:] = np.isin(np.arange(count), lacking)
         named = [int(ids[m]) for m in lacking] if ids is not None else lacking
         note = f"materials {named} are curved nearly everywhere: their gloss is less certain"
         if lacking and flatness == curvature and note not in notes:
             notes.append(note)
         chosen = np.setdiff1d(chosen, without)
-        return FitState(observations, collect(observations, chosen, material[chosen]), count, pool)
+        curved = np.isin(np.arange(count), lacking)
+        taken = collect(observations, chosen, material[chosen])
+        return FitState(observations, taken, count, pool, curved)
 
     def renewed(pool: ThreadPoolExecutor) -> FitState:
         state = gather(pool, samples)
@@ -175,14 +174,13 @@ def fit(
             progress(r + 1, rounds)
         # Now that the lights are known, take ρs and α from flatter texels, where there are enough
         state = gather(pool, samples, FLATTER * curvature)
-        flat = ~curved
         state.light(lights)
         for _ in range(2):
             state.predict(rho, alpha)
             state.reweigh(censoring)
             profiles = [
-                after if enough else before
-                for before, after, enough in zip(profiles, state.profiles(), flat, strict=True)
+                before if few else after
+                for before, after, few in zip(profiles, state.profiles(), state.curved, strict=True)
             ]
             rho = np.array([p.rho_s for p in profiles])
             alpha = np.array([p.alpha for p in profiles])
