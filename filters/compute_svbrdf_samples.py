@@ -50,6 +50,11 @@ FILTER = Filter(
             help="Use every n-th frame of a sequence.",
         ),
         Parameter(
+            "spacing", "float", 0.0, minimum=0.0, maximum=90.0, unit="degrees",
+            help="Use every n-th frame of a sequence, n as large as keeps neighbours within this "
+            "angle of each other; stills that are farther apart are all used. 0: all frames.",
+        ),
+        Parameter(
             "minimum_quality", "float", 0.1, minimum=0.0, maximum=1.0,
             help="Samples below are dropped. 0 keeps all: only the threshold's own limit counts "
             "then, as the paper has it.",
@@ -84,11 +89,14 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
         places[raster.label] = seen_so_far[raster.sequence]
         seen_so_far[raster.sequence] += 1
     rasters = sorted(document.rasters, key=lambda r: sequences.index(r.sequence))
-    left_out = {
-        r.label: f"every {parameters.step}-th frame is used"
-        for r in rasters
-        if places[r.label] % parameters.step
-    }
+    nth = parameters.step
+    if parameters.spacing > 0:
+        apart = _median_step(
+            [r.camera for r in rasters], [r.sequence for r in rasters], document.mesh().center
+        )
+        nth *= max(1, int(parameters.spacing / (nth * apart) + 1e-6)) if apart > 0 else 1
+    left_out = {r.label: f"one frame in {nth} is used" for r in rasters if places[r.label] % nth}
+    thinned = len(left_out)
     rasters, unreadable = _readable(
         [r for r in rasters if r.label not in left_out], parameters.unreadable
     )
@@ -145,7 +153,7 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
         "samples_sequence", np.array([sequences.index(r.sequence) for r in rasters], np.int32)
     )
     document.set_array(
-        "samples_order", np.array([places[r.label] // parameters.step for r in rasters], np.int32)
+        "samples_order", np.array([places[r.label] // nth for r in rasters], np.int32)
     )
     document.set_json(
         "frames",
@@ -169,7 +177,8 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
     counts = store.counts()
     document.set_attribute("frames", counts.astype(np.int32))
     said = [
-        f"{len(store):,} samples of {len(rasters)} frames",
+        f"{len(store):,} samples of {len(rasters)} frames"
+        + (f", one in {nth}: {thinned} are left out" if nth > 1 else ""),
         f"{share(counts > 0)} of the texels seen",
     ]
     said += [f"exposure: {source}"] if source != "none" else []

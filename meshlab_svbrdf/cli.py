@@ -1,4 +1,4 @@
-"""The shell: `meshlab-svbrdf run | apply | filters | info | render`.
+"""The shell: `meshlab-svbrdf run | apply | filters | presets | info | render`.
 
 Exit codes: 0 done, 1 an error of the input (said without a traceback), 2 wrong usage, 130
 interrupted.
@@ -11,9 +11,8 @@ import logging
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from enum import StrEnum
-from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -28,8 +27,9 @@ from .document.freshness import in_words
 from .errors import SvbrdfError
 from .filter import describe, to_json
 from .geometry import texels
+from .presets import PRESETS, chain
 from .progress import Show
-from .script import Step, check_script, read_script, run_script
+from .script import Step, check_script, run_script
 
 app = typer.Typer(
     help="How an object reflects light, recovered from an ordinary video of it.",
@@ -45,9 +45,14 @@ class Estimator(StrEnum):
     paper = "paper"
 
 
-CHAINS = {Estimator.joint: "svbrdf.mlx", Estimator.paper: "svbrdf_paper.mlx"}
-TEXTURE_SIZE = ("compute_svbrdf_texels", "texture_size")
-MATERIALS = ("compute_svbrdf_materials", "image")
+class PresetName(StrEnum):
+    draft = "draft"
+    standard = "standard"
+    full = "full"
+
+
+TEXTURE_SIZE = "compute_svbrdf_texels.texture_size"
+MATERIALS = "compute_svbrdf_materials.image"
 RENDERING = "generate_svbrdf_rendering"
 CURRENT = "up to date"
 
@@ -75,6 +80,10 @@ def run(
     estimator: Annotated[
         Estimator | None, typer.Option(help="joint: more accurate, the default. paper: as printed.")
     ] = None,
+    preset: Annotated[
+        PresetName | None,
+        typer.Option(help="How much time it may take; see `meshlab-svbrdf presets`."),
+    ] = None,
     texture_size: Annotated[
         int | None, typer.Option(help="Width and height of the maps in pixels.", min=16, max=16384)
     ] = None,
@@ -101,21 +110,16 @@ def run(
     Filters whose inputs and parameters did not change do not run again: after an interruption the
     same command goes on where it was.
     """
-    if script is not None and estimator is not None:
-        raise typer.BadParameter(
-            "a script says itself which estimator it runs", param_hint="--script"
-        )
+    if script is not None and (estimator is not None or preset is not None):
+        what = "estimator it runs" if estimator is not None else "parameters it takes"
+        raise typer.BadParameter(f"a script says itself which {what}", param_hint="--script")
     with _friendly():
-        chain = files("meshlab_svbrdf.filters") / CHAINS[estimator or Estimator.joint]
-        steps = read_script(script or Path(str(chain)))
+        given = dict(map(_name_value, settings or ()))
         if texture_size is not None:
-            steps = _with(steps, *TEXTURE_SIZE, str(texture_size))
+            given.setdefault(TEXTURE_SIZE, str(texture_size))
         if materials is not None:
-            steps = _with(steps, *MATERIALS, str(materials.absolute()))
-        for text in settings or ():
-            name, value = _name_value(text)
-            filter, _, parameter = name.partition(".")
-            steps = _with(steps, filter, parameter, value)
+            given.setdefault(MATERIALS, str(materials.absolute()))
+        steps = chain(estimator or "joint", preset or "standard", given, script=script)
         check_script(steps)
         document = _open(project, output, layer)
         if document.path == project.absolute() and not document.results.record["products"]:
@@ -125,6 +129,8 @@ def run(
         if not document.project.rasters:
             raise SvbrdfError(f"{project}: has no rasters; add registered frames in MeshLab")
         document.hold_out(hold_out)
+        if preset is not None and not as_json:
+            typer.echo(f"preset {preset}: {PRESETS[preset]}")
         _run(document, steps, force, as_json)
 
 
@@ -167,6 +173,16 @@ def filters(
             width = max((len(filter.name) for filter in found), default=0)
             for filter in found:
                 typer.echo(f"{filter.name:{width}}  {filter.title}")
+
+
+@app.command()
+def presets(as_json: AsJson = False) -> None:
+    """List what `run --preset` offers, with the parameters that each one sets."""
+    if as_json:
+        typer.echo(json.dumps({name: asdict(preset) for name, preset in PRESETS.items()}, indent=1))
+        return
+    for name, preset in PRESETS.items():
+        typer.echo(f"{name:9} {preset.about}: {preset}")
 
 
 @app.command()
@@ -302,18 +318,6 @@ def _friendly() -> Iterator[None]:
         raise typer.Exit(130) from None
     finally:
         log.removeHandler(handler)
-
-
-def _with(steps: list[Step], filter: str, parameter: str, value: str) -> list[Step]:
-    """The steps with one parameter of one filter set."""
-    if all(step.name != filter for step in steps):
-        raise SvbrdfError(f"the chain has no {filter}, whose parameter {parameter} was to be set")
-    return [
-        replace(step, parameters=step.parameters | {parameter: value})
-        if step.name == filter
-        else step
-        for step in steps
-    ]
 
 
 def _name_value(text: str) -> tuple[str, str]:

@@ -31,6 +31,7 @@ from .document.views import OBJECT, write_views
 from .errors import SvbrdfError
 from .geometry.camera import Camera
 from .meshlab import Bridge, run_xml
+from .presets import chain
 from .script import Step, read_script, run_script
 
 READABLE = (".ply", ".obj")  # by ourselves, whatever their textures are
@@ -194,6 +195,21 @@ class MeshSet(pymeshlab.MeshSet):
             if outcome.name in registry.filters():
                 self._bridge.show()
             self._bridge.pull()
+
+    def run(
+        self,
+        preset: str = "standard",
+        estimator: str = "joint",
+        settings: dict[str, Any] | None = None,
+    ) -> list[dict[str, Any]]:
+        """The whole chain, as `meshlab-svbrdf run`: what each filter tells, with its name.
+
+        settings : values by "FILTER.NAME"; they win over the preset
+        """
+        return [
+            {"name": step.name} | self.apply_filter(step.name, **step.parameters)
+            for step in chain(estimator, preset, settings)
+        ]
 
     def _run_step(self, step: Step) -> None:
         self._sync()

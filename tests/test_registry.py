@@ -45,8 +45,8 @@ def test_the_chains_run_what_each_filter_needs_before_it(chain):
 
 def test_what_the_shell_sets_exists():
     wanted = (
-        cli.TEXTURE_SIZE,
-        cli.MATERIALS,
+        cli.TEXTURE_SIZE.split("."),
+        cli.MATERIALS.split("."),
         (cli.RENDERING, "cameras"),
         (cli.RENDERING, "folder"),
     )

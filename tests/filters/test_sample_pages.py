@@ -306,7 +306,7 @@ def test_every_n_th_frame_of_each_sequence(walk, tmp_path):
     assert document.json("frames")["median_step_degrees"] == pytest.approx(44, abs=3)
     assert "stills, 4" in said
     others = [frame for label, frame in frames(document).items() if label not in used]
-    assert {frame["left_out"] for frame in others} == {"every 4-th frame is used"}
+    assert {frame["left_out"] for frame in others} == {"one frame in 4 is used"}
     np.testing.assert_array_equal(document.array("samples_order"), 2 * list(range(8)))
     np.testing.assert_array_equal(document.array("samples_sequence"), np.repeat([0, 1], 8))
 

@@ -1,0 +1,87 @@
+"""Presets: how much time a run may take, as parameters of its filters.
+
+PRESETS    what each is for, and its parameters; the filters' own defaults are `standard`
+chain      the steps of a run, by estimator, preset and settings
+
+They were chosen by `python -m benchmarks time`: each gives the least error for its time.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from .errors import SvbrdfError
+from .script import Step, read_script
+
+CHAINS = {"joint": "svbrdf.mlx", "paper": "svbrdf_paper.mlx"}
+
+
+@dataclass(frozen=True)
+class Preset:
+    """about : what it is for; parameters : by FILTER.NAME, as text."""
+
+    about: str
+    parameters: Mapping[str, str] = field(default_factory=dict)
+
+    def __str__(self) -> str:
+        changed = ", ".join(f"{name}={value}" for name, value in self.parameters.items())
+        return changed or "the filters' defaults"
+
+
+PRESETS = {
+    "draft": Preset(
+        "a look at the result while filming goes on",
+        {
+            "compute_svbrdf_texels.texture_size": "512",
+            "compute_svbrdf_samples.spacing": "6",
+            "generate_svbrdf_environment_map.samples": "500000",
+        },
+    ),
+    "standard": Preset("the default"),
+    "full": Preset(
+        "the last decibel, and maps for print",
+        {"compute_svbrdf_texels.texture_size": "2048"},
+    ),
+}
+
+
+def chain(
+    estimator: str = "joint",
+    preset: str = "standard",
+    settings: Mapping[str, Any] | None = None,
+    *,
+    script: str | Path | None = None,
+) -> list[Step]:
+    """The steps of a run.
+
+    estimator : "joint" or "paper"; script : a filter script in place of the estimator's chain
+    settings : values by FILTER.NAME; they win over the preset
+
+    Raises SvbrdfError where there is no such estimator or preset, or the chain has no such filter.
+    """
+    for name, known in ((estimator, CHAINS), (preset, PRESETS)):
+        if name not in known:
+            close = difflib.get_close_matches(name, list(known), 1)
+            hint = f", did you mean {close[0]}?" if close else ""
+            raise SvbrdfError(f"expected one of {', '.join(known)}, found {name!r}{hint}")
+    steps = read_script(script or Path(str(files("meshlab_svbrdf.filters") / CHAINS[estimator])))
+    for text, value in {**PRESETS[preset].parameters, **(settings or {})}.items():
+        steps = _with(steps, *text.rpartition(".")[::2], str(value))
+    return steps
+
+
+def _with(steps: list[Step], filter: str, parameter: str, value: str) -> list[Step]:
+    """The steps with one parameter of one filter set."""
+    if all(step.name != filter for step in steps):
+        raise SvbrdfError(f"the chain has no {filter}, whose parameter {parameter} was to be set")
+    return [
+        replace(step, parameters=step.parameters | {parameter: value})
+        if step.name == filter
+        else step
+        for step in steps
+    ]
