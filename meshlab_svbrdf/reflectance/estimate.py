@@ -1,4 +1,4 @@
-"""The joint estimate from beginning to end: fit, correct normals, fit again, take D anew."""
+"""The joint estimate from beginning to end: all lights, fit, normals, fit again, D anew."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from ..samples.observations import Observations, with_normals
 from .diffuse_refit import refit_diffuse
 from .joint import Material, fit
 from .lights import Light
+from .missed_lights import complete_lights
 from .normal_refinement import refine_normals
 
 CORRECTIONS = 2
@@ -58,7 +59,7 @@ def estimate(
     def part(start: float, stop: float, what: str) -> Callable[[int, int], None]:
         return lambda done, total: progress(start + (stop - start) * done / max(total, 1), what)
 
-    notes: list[str] = []
+    lights, notes = complete_lights(observations, material, lights, turn, footprint, **options)
     corrected = None
     step = 0.75 / (1 + CORRECTIONS)
     for k in range(1 + CORRECTIONS):
