@@ -44,6 +44,7 @@ class Observations:
 
     sequence : (F,) int32, which film a frame belongs to; order : (F,) int32, its place in the film:
     frames whose places differ by one are neighbours in time, a gap is a frame that was left out
+    pixel : (F,) float32, radians that a frame's pixel subtends at its middle
     rays : of the mesh, to test lights for shadows; None: the harmonics tell
     """
 
@@ -52,6 +53,7 @@ class Observations:
     view: View
     sequence: np.ndarray
     order: np.ndarray
+    pixel: np.ndarray
     rays: Rays | None = None
 
 
@@ -102,6 +104,7 @@ def observe(
         texels, store, view,
         np.zeros(count, np.int32) if sequence is None else np.asarray(sequence, np.int32),
         np.arange(count, dtype=np.int32) if order is None else np.asarray(order, np.int32),
+        np.array([1 / np.sqrt(c.fx * c.fy) for c in cameras], np.float32),
         rays,
     )  # fmt: skip
 

@@ -1,0 +1,85 @@
+"""How much of the surface a texel's samples cover: the frames' pixels, laid on it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from ..samples.observations import Observations, sample_luminance, sample_quality
+
+STEEPEST = 0.1
+"""Cosine of the steepest view: beyond it a pixel would cover without end."""
+STEP = 1.48 / np.sqrt(2)
+"""Standard deviation of normal noise over the median step between two samples."""
+
+
+@njit(cache=True, nogil=True)
+def tangents(x, y, z):
+    """Two unit vectors that span the plane across the unit normal (x, y, z)."""
+    if abs(x) < 0.9:
+        ax, ay, az = 0.0, z, -y
+    else:
+        ax, ay, az = -z, 0.0, x
+    scale = 1.0 / np.sqrt(ax * ax + ay * ay + az * az)
+    ax, ay, az = ax * scale, ay * scale, az * scale
+    return ax, ay, az, y * az - z * ay, z * ax - x * az, x * ay - y * ax
+
+
+@njit(cache=True, nogil=True)
+def _footprints(block, view, pixel, out, noise):
+    longest = 0
+    for i in range(block.stop - block.first):
+        longest = max(longest, block.offsets[i + 1] - block.offsets[i])
+    steps = np.empty(longest)
+    for i in range(block.stop - block.first):
+        t = block.first + i
+        nx, ny, nz = view.normal[t, 0], view.normal[t, 1], view.normal[t, 2]
+        ax, ay, az, bx, by, bz = tangents(nx, ny, nz)
+        aa, ab, bb, weight = 0.0, 0.0, 0.0, 0.0
+        for j in range(block.offsets[i], block.offsets[i + 1]):
+            f = block.frame[j]
+            vx = view.eyes[f, 0] - view.position[t, 0]
+            vy = view.eyes[f, 1] - view.position[t, 1]
+            vz = view.eyes[f, 2] - view.position[t, 2]
+            length2 = vx * vx + vy * vy + vz * vz
+            scale = 1.0 / np.sqrt(length2)
+            cos = max((vx * nx + vy * ny + vz * nz) * scale, STEEPEST)
+            # Stretch the pixel by 1/cos towards where the view is tilted
+            a = (vx * ax + vy * ay + vz * az) * scale / cos
+            b = (vx * bx + vy * by + vz * bz) * scale / cos
+            w = sample_quality(block, j)
+            area = w * length2 * pixel[f] * pixel[f]
+            aa += area * (1.0 + a * a)
+            ab += area * a * b
+            bb += area * (1.0 + b * b)
+            weight += w
+        if weight > 0.0:
+            out[t, 0], out[t, 1], out[t, 2] = aa / weight, ab / weight, bb / weight
+        # Take the noise from neighbours in time: highlights pass slowly
+        first, n = block.offsets[i], block.offsets[i + 1] - block.offsets[i]
+        for j in range(n - 1):
+            steps[j] = abs(
+                sample_luminance(block, view, first + j + 1)
+                - sample_luminance(block, view, first + j)
+            )
+        if n > 1:
+            noise[t] = STEP * np.median(steps[: n - 1]) / np.sqrt(n)
+
+
+def footprints(observations: Observations) -> tuple[np.ndarray, np.ndarray]:
+    """What the frames' pixels cover at each texel, and how certain their mean is.
+
+    Returns
+    -------
+    covariance : (T, 3) float32, aa, ab and bb of a symmetric 2×2 matrix in the texel's `tangents`,
+        in the mesh's units squared: the mean square of a pixel's side on the surface. A frame's
+        pixel seen at the angle θ counts with (distance/f)² across the tilt and that over cos²θ
+        along it; the frames weigh by the samples' quality. 0 where there are no samples.
+    noise : (T,) float32, standard error of a mean of the samples' luminance, 0..100; 0 for one
+    """
+    count = len(observations.texels)
+    covariance, noise = np.zeros((count, 3), np.float32), np.zeros(count, np.float32)
+    observations.store.map(
+        lambda block: _footprints(block, observations.view, observations.pixel, covariance, noise)
+    )
+    return covariance, noise
