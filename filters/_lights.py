@@ -10,8 +10,16 @@ from meshlab_svbrdf.reflectance.lights import Light
 from ._sphere import set_environment_layer
 
 
-def set_lights(document: Document, lights: list[Light], probability: np.ndarray) -> None:
-    """Stage lights.json and the sphere that shows them."""
+def set_lights(
+    document: Document,
+    lights: list[Light],
+    probability: np.ndarray,
+    ambient: np.ndarray | None = None,
+) -> None:
+    """Stage lights.json and the sphere that shows them.
+
+    ambient : (3,) radiance from everywhere, for lamps of mean gain 1; None where it is not known
+    """
     center, radius = document.array("texels_center"), float(document.array("texels_radius"))
     document.set_json(
         "lights",
@@ -22,7 +30,8 @@ def set_lights(document: Document, lights: list[Light], probability: np.ndarray)
                     "gain": light.gain, "covariance": light.covariance, "half_length": light.bar,
                 }
                 for light in lights
-            ]
+            ],
+            "ambient": ambient,
         },
     )  # fmt: skip
     set_environment_layer(document, probability, lights)

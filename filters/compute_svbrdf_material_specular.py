@@ -64,6 +64,15 @@ FILTER = Filter(
             "agrees, or keep them.",
         ),
         Parameter(
+            "ambient", "bool", True,
+            help="Take the ambient light's own faint highlight out of D (joint).",
+        ),
+        Parameter(
+            "sharp", "bool", True,
+            help="Take the blur of the frames' pixels out of D, where it is above the noise "
+            "(joint).",
+        ),
+        Parameter(
             "density", "enum", "log", choices=("log", "linear"),
             help="Of ln ρs, or of ρs as the paper has it (paper).",
         ),
@@ -91,6 +100,7 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
     dense = np.searchsorted(ids, labels).astype(np.int32)
     dense[labels < 0] = -1
 
+    ambient = None
     if parameters.estimator == "paper":
         materials = [_bell(document, dense == m, parameters) for m in range(len(ids))]
         notes = []
@@ -98,6 +108,9 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
         found = _joint(document, dense, ids, lights, diffuse, parameters, progress)
         materials, notes, lights = found.materials, found.notes, found.lights
         diffuse = found.diffuse
+        if found.ambient.any():
+            ambient = found.ambient
+            document.set_attribute("ambient_highlight", found.ambient_highlight)
         if found.normal is not None:
             document.set_attribute("refined_normal", found.normal)
 
@@ -110,7 +123,7 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
     set_diffuse_maps(document, texels, diffuse)
     set_scalar_map(document, "rho_s", texels, rho_s, shown="rho_s")
     set_scalar_map(document, "alpha", texels, alpha, shown="shininess", logarithmic=True)
-    set_lights(document, lights, document.image("environment").astype(np.float64))
+    set_lights(document, lights, document.image("environment").astype(np.float64), ambient)
     document.set_json(
         "materials",
         {
@@ -136,7 +149,8 @@ def _joint(
         observations, labels, lights, diffuse, turn, _footprint(document, texels),
         correct_normals=parameters.normals == "auto", rounds=parameters.rounds,
         samples=parameters.samples, near=parameters.near, long=parameters.long,
-        censoring=parameters.censoring, curvature=parameters.curvature, ids=ids, progress=progress,
+        censoring=parameters.censoring, curvature=parameters.curvature,
+        ambient=parameters.ambient, sharp=parameters.sharp, ids=ids, progress=progress,
     )  # fmt: skip
 
 

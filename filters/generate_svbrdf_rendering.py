@@ -13,9 +13,10 @@ from meshlab_svbrdf.errors import SvbrdfError
 from meshlab_svbrdf.filter import Filter, Namespace, Parameter
 from meshlab_svbrdf.progress import Progress
 from meshlab_svbrdf.rendering.acquisition import AcquisitionRenderer, Appearance
-from meshlab_svbrdf.samples.luminance import to_srgb8
+from meshlab_svbrdf.samples.luminance import decode, to_srgb8
 
 from ._lights import read_lights
+from ._stages import UNOBSERVED_GREY
 
 FILTER = Filter(
     name="generate_svbrdf_rendering",
@@ -34,8 +35,12 @@ FILTER = Filter(
             "supersampling", "int", 3, minimum=1, maximum=8, help="Rays per pixel and direction."
         ),
         Parameter("shadows", "bool", True, help="Whether the object shades its own highlights."),
+        Parameter(
+            "background", "int", UNOBSERVED_GREY, minimum=0, maximum=255,
+            help="The grey around the object, an sRGB code.",
+        ),
     ),
-    help="Renders D + Σ ρ g V (l·r)^α with near lights and shadows, on black. D holds the lights' "
+    help="Renders D + Σ ρ g V (l·r)^α with near lights and shadows, on grey. D holds the lights' "
     "shading: it is not shaded again.",
     reference="Palma et al. 2012, eq. 1",
 )  # fmt: skip
@@ -57,14 +62,15 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
     )
     folder = Path(parameters.folder)
     folder.mkdir(parents=True, exist_ok=True)
+    grey = float(decode(np.array(parameters.background / 255)))
     for name, raster in zip(names, progress.over(project.rasters, "views"), strict=True):
-        image, _ = renderer.render(raster.camera, parameters.supersampling)
-        write_png(folder / name, to_srgb8(image))
+        image, coverage = renderer.render(raster.camera, parameters.supersampling)
+        write_png(folder / name, to_srgb8(image + grey * (1 - coverage[..., None])))
     return f"{len(names)} views in {folder}"
 
 
 def read_appearance(document: Document) -> list[Appearance]:
-    """The maps of the last estimator, one entry per texture."""
+    """The last estimator's maps, one entry per texture; D with the ambient light's highlight."""
     materials = document.json("materials")["materials"]
     labels = document.attribute("material")
     table = np.full((max((m["id"] for m in materials), default=0) + 2, 5), np.nan)
@@ -83,5 +89,9 @@ def read_appearance(document: Document) -> list[Appearance]:
     elif document.has_array("texels_detail"):
         normals = [*texels.to_images(texels.normal)]
     inside = texels.to_images(np.ones(len(texels), bool), False)
-    maps = (document.map("diffuse"), rho_s, alpha, tints, normals, inside)
+    diffuse = document.map("diffuse")
+    if "ambient_highlight" in document.attributes():
+        ambient = texels.to_images(document.attribute("ambient_highlight") / np.float32(100), 0)
+        diffuse = [d + a for d, a in zip(diffuse, ambient, strict=True)]
+    maps = (diffuse, rho_s, alpha, tints, normals, inside)
     return [Appearance(*each) for each in zip(*maps, strict=True)]

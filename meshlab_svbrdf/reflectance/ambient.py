@@ -60,9 +60,7 @@ def openness(observations: Observations, normal: np.ndarray) -> np.ndarray:
 
 def irradiance(observations: Observations, texels: np.ndarray, lights: list[Light]) -> np.ndarray:
     """The lamps' irradiance over π at some texels (n,): Σ g_k V_k (n·l_k)."""
-    bulbs = lamps(
-        lights, observations.texels.radius, cast_shadows(observations, texels, lights)
-    )
+    bulbs = lamps(lights, observations.texels.radius, cast_shadows(observations, texels, lights))
     rays, gains = light_texels(observations.view, texels, bulbs)
     cos = np.einsum("npd,nd->np", rays, observations.view.normal[texels])
     return (gains * np.maximum(cos, 0)).sum(1)

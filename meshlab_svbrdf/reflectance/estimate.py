@@ -9,6 +9,7 @@ import numpy as np
 
 from ..samples.observations import Observations, with_normals
 from .diffuse_refit import refit_diffuse
+from .finish import finish_diffuse
 from .joint import Material, fit
 from .lights import Light
 from .missed_lights import complete_lights
@@ -23,7 +24,9 @@ class Estimate:
     """The reflectance of an object.
 
     materials : one per id; lights : with gains of geometric mean 1
-    diffuse : (T, 3) float32, linear RGB 0..100, the lobes taken off
+    diffuse : (T, 3) float32, linear RGB 0..100, the highlights taken off
+    ambient : (3,) radiance from everywhere, for lamps of mean gain 1; 0 where it is not seen
+    ambient_highlight : (T, 3) float32, 0..100, what it adds to D by its highlight
     normal : (T, 3) float32, corrected; None where they are kept
     notes : what is to be said about it
     """
@@ -31,6 +34,8 @@ class Estimate:
     materials: list[Material]
     lights: list[Light]
     diffuse: np.ndarray
+    ambient: np.ndarray
+    ambient_highlight: np.ndarray
     normal: np.ndarray | None
     notes: list[str]
 
@@ -44,6 +49,8 @@ def estimate(
     footprint: float,
     *,
     correct_normals: bool = True,
+    ambient: bool = True,
+    sharp: bool = True,
     progress: Callable[[float, str], None] = lambda share, what: None,
     **options,
 ) -> Estimate:
@@ -54,6 +61,7 @@ def estimate(
     material : (T,) int32, -1 for none; lights : from the environment map
     diffuse : (T, 3), the statistical D; it stays where a material is unobserved
     turn, footprint, options : see `joint.fit`
+    ambient, sharp : whether the ambient light's highlight and the pixels' blur are taken out of D
     """
 
     def part(start: float, stop: float, what: str) -> Callable[[int, int], None]:
@@ -86,6 +94,13 @@ def estimate(
         observations = with_normals(observations, corrected)
     refitted = refit_diffuse(
         observations, diffuse, material, rho_s, alpha, np.transpose(color), lights,
-        part(0.75, 0.95, "diffuse colour"),
+        part(0.75, 0.9, "diffuse colour"),
     )  # fmt: skip
-    return Estimate(found.materials, lights, refitted, corrected, notes + found.notes)
+    done = finish_diffuse(
+        observations, refitted, material, rho_s, alpha, np.transpose(color), lights,
+        ambient=ambient, sharp=sharp,
+    )  # fmt: skip
+    return Estimate(
+        found.materials, lights, done.diffuse, done.ambient, done.highlight, corrected,
+        notes + found.notes + done.notes,
+    )  # fmt: skip

@@ -82,8 +82,8 @@ def _fill(
 def blur_kernel(texels: Texels, covariance: np.ndarray) -> csr_array:
     """K, (T, T): rows sum to 1, and are empty where there are no samples.
 
-    covariance : (T, 3), from `footprints`. Charts that lie side by side do not blur into each other:
-    distances are those on the surface. A chart's border blurs with its own side only.
+    covariance : (T, 3), from `footprints`. Charts that lie side by side do not blur into each
+    other: distances are those on the surface. A chart's border blurs with its own side only.
     """
     count = len(texels)
     counts = np.zeros(count, np.int64)

@@ -1,0 +1,64 @@
+"""What D still holds once the lobes are off: the ambient light's highlight, the pixels' blur."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..samples.observations import Observations
+from .ambient import ambient_light, highlight_share, openness
+from .footprint import footprints
+from .lights import Light
+from .sharpen import sharpen
+
+
+@dataclass(frozen=True)
+class Finished:
+    """diffuse : (T, 3) float32, linear RGB 0..100
+    ambient : (3,) radiance for lamps of mean gain 1; 0 where it is not seen
+    highlight : (T, 3) float32, 0..100, what the ambient light adds by its highlight
+    notes : what is to be said
+    """
+
+    diffuse: np.ndarray
+    ambient: np.ndarray
+    highlight: np.ndarray
+    notes: list[str]
+
+
+def finish_diffuse(
+    observations: Observations,
+    diffuse: np.ndarray,
+    material: np.ndarray,
+    rho_s: np.ndarray,
+    alpha: np.ndarray,
+    tint: np.ndarray,
+    lights: list[Light],
+    *,
+    ambient: bool = True,
+    sharp: bool = True,
+) -> Finished:
+    """Take both out of D, (T, 3) with the lamps' lobes off.
+
+    material : (T,) int32, -1 for none; rho_s, alpha : (M,), NaN where unobserved; tint : (M, 3)
+    """
+    notes: list[str] = []
+    radiance, highlight = np.zeros(3), np.zeros_like(diffuse)
+    if ambient and len(lights) and np.isfinite(rho_s).any():
+        rho, shininess = np.nan_to_num(rho_s), np.nan_to_num(alpha, nan=1.0)
+        open_ = openness(observations, observations.view.normal)
+        found = ambient_light(observations, diffuse, material, rho, shininess, tint, lights, open_)
+        radiance = found.radiance
+        if radiance.any():
+            notes.append(f"ambient light {radiance.mean():.3f} of a lamp's")
+            own = np.maximum(material, 0)
+            share = highlight_share(open_, rho[own], shininess[own]) * (material >= 0)
+            highlight = (share[:, None] * tint[own] * radiance).astype(np.float32)
+            highlight = np.minimum(highlight, np.nan_to_num(diffuse))
+        else:
+            notes.append("no ambient light is seen")
+    diffuse = diffuse - highlight
+    if sharp:
+        diffuse = sharpen(observations.texels, diffuse, *footprints(observations))
+    return Finished(diffuse, radiance, highlight, notes)
