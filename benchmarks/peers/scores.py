@@ -21,6 +21,8 @@ PEERS = {  # the file's function
     "mean": "statistics:mean",
     "median": "statistics:median",
     "quantile": "statistics:quantile",
+    "meshlab": "meshlab:run",
+    "open3d": "open3d:run",
 }
 SUPERSAMPLING = 3  # as our own results are rendered
 Peer = Callable[[Capture, Path, Path], Scores]
