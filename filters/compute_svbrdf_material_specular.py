@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from meshlab_svbrdf.document.document import Document
 from meshlab_svbrdf.filter import Filter, Namespace, Parameter
+from meshlab_svbrdf.geometry.surface_shape import steepest_turn, surface_shape
 from meshlab_svbrdf.geometry.texels import Texels
 from meshlab_svbrdf.progress import Progress
 from meshlab_svbrdf.reflectance.density import highest_bell
 from meshlab_svbrdf.reflectance.estimate import Estimate, estimate
-from meshlab_svbrdf.reflectance.fit_samples import normal_turn
 from meshlab_svbrdf.reflectance.joint import Material
 from meshlab_svbrdf.reflectance.lights import Light
 from meshlab_svbrdf.reflectance.long_lamps import as_seen
@@ -141,10 +143,11 @@ def _joint(
     document: Document, labels: np.ndarray, ids: np.ndarray, lights: list[Light],
     diffuse: np.ndarray, parameters: Namespace, progress: Progress,
 ) -> Estimate:  # fmt: skip
-    mesh = document.mesh()
     observations = read_observations(document, rays=parameters.shadows == "rays")
     texels = observations.texels
-    turn = np.einsum("tc,tc->t", texels.barycentric, normal_turn(mesh)[mesh.faces[texels.face]])
+    shape = surface_shape(texels.position, texels.normal)
+    observations = replace(observations, shape=shape)
+    turn = steepest_turn(shape) * texels.radius
     return estimate(
         observations, labels, lights, diffuse, turn, _footprint(document, texels),
         correct_normals=parameters.normals == "auto", rounds=parameters.rounds,

@@ -18,35 +18,35 @@ _CHAINS = 3  # shininesses per octave; each chain goes on by squaring
 _OCTAVES = 11
 ALPHAS = 2.0 ** (np.arange(_CHAINS * _OCTAVES + 1) / _CHAINS)
 """The grid: 1 to 2048, three an octave."""
+REACH = 3
+"""Cells to both sides of a shininess that is already known."""
 
 
 @njit(cache=True, nogil=True)
-def _powers(cos, gain, phi):
-    """Add gain·cos^α to phi (34,) for every α of the grid, by squaring; returns how many count."""
+def _add_lobes(cos, gain, first, wide, height, phi):
+    """Add gain·height·cos^wide to phi, from `first` on; returns how many count."""
     lc = np.log(min(cos, np.float32(1)))
-    used = 0
-    for chain in range(_CHAINS):
-        power = np.exp(lc * 2.0 ** (chain / _CHAINS))
-        a = chain
-        while a < len(phi) and power > 1e-6:
-            phi[a] += gain * power
-            power *= power
-            used = max(used, a + 1)
-            a += _CHAINS
-    return used
+    for a in range(first, len(phi)):
+        e = lc * wide[a]
+        if e < -14.0:
+            return a
+        phi[a] += gain * height[a] * np.exp(e)
+    return len(phi)
 
 
 @njit(cache=True, nogil=True)
-def _eliminate(first, stop, offsets, material, y, w, mirror, rays, gains, sums):
+def _eliminate(first, stop, offsets, material, y, w, mirror, blur, rays, gains, window, sums):
     """Add N, Q, T of the texels first..stop to sums (M, 3, A)."""
     count = sums.shape[2]
     phi, sp, spy, spp = np.empty(count), np.empty(count), np.empty(count), np.empty(count)
+    wide, height = np.empty(count), np.empty(count)
     for i in range(first, stop):
         if offsets[i] == offsets[i + 1]:
             continue
         sw, sy, syy, most = 0.0, 0.0, 0.0, 0
         sp[:], spy[:], spp[:] = 0.0, 0.0, 0.0
         origin = y[offsets[i]]
+        start, end = window[material[i]]
         for j in range(offsets[i], offsets[i + 1]):
             if w[j] <= 0:
                 continue
@@ -62,9 +62,14 @@ def _eliminate(first, stop, offsets, material, y, w, mirror, rays, gains, sums):
                     )
                     if cos > 0.01:
                         if used == 0:
-                            phi[:] = 0.0
-                        used = max(used, _powers(cos, gains[i, k], phi))
-            for a in range(used):
+                            for a in range(start, end):
+                                height[a] = 1.0 / (1.0 + ALPHAS[a] * blur[j])
+                                wide[a] = ALPHAS[a] * height[a]
+                                phi[a] = 0.0
+                        used = max(
+                            used, _add_lobes(cos, gains[i, k], start, wide[:end], height, phi[:end])
+                        )
+            for a in range(start, used):
                 wp = w[j] * phi[a]
                 sp[a] += wp
                 spy[a] += wp * d
@@ -76,7 +81,7 @@ def _eliminate(first, stop, offsets, material, y, w, mirror, rays, gains, sums):
         total = syy - sy * sy / sw
         for a in range(count):
             sums[m, 2, a] += total
-            if a < most:
+            if start <= a < most:
                 sums[m, 0, a] += spy[a] - sp[a] * sy / sw
                 sums[m, 1, a] += spp[a] - sp[a] * sp[a] / sw
 
@@ -124,6 +129,7 @@ def eliminate(
     gains: np.ndarray,
     materials: int,
     chunks,
+    near: np.ndarray | None = None,
 ) -> np.ndarray:
     """The sums of all materials, (M, 3, A) float64.
 
@@ -131,11 +137,18 @@ def eliminate(
     chunks : maps a function over ranges of texels and returns the results in order
     """
 
+    window = np.tile([0, len(ALPHAS)], (materials, 1))
+    if near is not None:
+        nearest = np.rint(np.interp(np.log(near), np.log(ALPHAS), np.arange(len(ALPHAS))))
+        inside = nearest > 0
+        window[inside, 0] = np.maximum(nearest[inside] - REACH, 0)
+        window[inside, 1] = np.minimum(nearest[inside] + REACH + 1, len(ALPHAS))
+
     def work(first, stop):
         sums = np.zeros((materials, 3, len(ALPHAS)))
         _eliminate(
             first, stop, samples.offsets, samples.material, samples.luminance, weight,
-            samples.mirror, rays, gains, sums,
+            samples.mirror, samples.blur, rays, gains, window, sums,
         )  # fmt: skip
         return sums
 

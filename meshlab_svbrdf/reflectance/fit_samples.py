@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from ..geometry.mesh import Mesh
 from ..samples.observations import (
     Observations,
     color,
@@ -15,6 +14,7 @@ from ..samples.observations import (
     sample_luminance,
     sample_quality,
 )
+from .pixel_blur import pixel_blur
 from .threshold import MINIMUM_SAMPLES
 
 SATURATED = 98.0
@@ -30,6 +30,7 @@ class FitSamples:
     texel : (n,) indices; material : (n,) int32; offsets : (n+1,) int64
     luminance : (N,) float32, 0..100; rgb : (N, 3) float32; quality : (N,) float32
     clipped : (N,) bool; mirror : (N, 3) float32, mirror directions
+    blur : (N,) float32, what their pixels add to 1/α
     """
 
     texel: np.ndarray
@@ -40,6 +41,7 @@ class FitSamples:
     quality: np.ndarray
     clipped: np.ndarray
     mirror: np.ndarray
+    blur: np.ndarray
 
     def __len__(self) -> int:
         return len(self.luminance)
@@ -54,7 +56,9 @@ def is_clipped(block, view, j):
 
 
 @njit(cache=True, nogil=True)
-def _collect(block, view, chosen, start, luminance, rgb, quality, clipped, mirror):
+def _collect(
+    block, view, pixel, shape, chosen, start, luminance, rgb, quality, clipped, mirror, blur
+):
     """Copy the chosen texels' samples from `start` on."""
     n = start
     for c in range(len(chosen)):
@@ -67,44 +71,38 @@ def _collect(block, view, chosen, start, luminance, rgb, quality, clipped, mirro
             mirror[n, 0], mirror[n, 1], mirror[n, 2] = mirror_direction(
                 view, chosen[c], block.frame[j]
             )
+            if len(shape):
+                blur[n] = pixel_blur(view, pixel, shape[chosen[c]], chosen[c], block.frame[j])
             n += 1
 
 
 def collect(observations: Observations, texel: np.ndarray, material: np.ndarray) -> FitSamples:
     """Read the samples of some texels (n,), ascending, of the given materials (n,)."""
+    shape = (
+        observations.shape if observations.shape is not None else np.zeros((0, 3, 3), np.float32)
+    )
     counts = observations.store.counts()[texel]
     offsets = np.concatenate([[0], np.cumsum(counts)])
     total = int(offsets[-1])
     columns = (
         np.empty(total, np.float32), np.empty((total, 3), np.float32), np.empty(total, np.float32),
-        np.empty(total, bool), np.empty((total, 3), np.float32),
+        np.empty(total, bool), np.empty((total, 3), np.float32), np.zeros(total, np.float32),
     )  # fmt: skip
 
     def work(block):
         low, high = np.searchsorted(texel, [block.first, block.stop])
-        _collect(block, observations.view, texel[low:high], offsets[low], *columns)
+        _collect(
+            block,
+            observations.view,
+            observations.pixel,
+            shape,
+            texel[low:high],
+            offsets[low],
+            *columns,
+        )
 
     observations.store.map(work)
     return FitSamples(texel, material.astype(np.int32), offsets, *columns)
-
-
-def normal_turn(mesh: Mesh) -> np.ndarray:
-    """How fast the normal turns, radians per radius: (V,), the largest over a vertex's edges."""
-    normals = mesh.vertex_normals()
-    turn = np.zeros(len(mesh.vertices))
-    for a, b in ((0, 1), (1, 2), (2, 0)):
-        i, j = mesh.faces[:, a], mesh.faces[:, b]
-        length = np.linalg.norm(mesh.vertices[i] - mesh.vertices[j], axis=1) / mesh.radius
-        chord = np.linalg.norm(normals[i] - normals[j], axis=1)
-        rate = np.divide(
-            2 * np.arcsin(np.minimum(chord / 2, 1)),
-            length,
-            out=np.zeros_like(length),
-            where=length > 0,
-        )
-        np.maximum.at(turn, i, rate)
-        np.maximum.at(turn, j, rate)
-    return turn
 
 
 def choose_texels(

@@ -17,7 +17,7 @@ from .phong import cast_shadows, lamps, light_texels, lobe
 
 @njit(cache=True, nogil=True)
 def _predict(
-    first, stop, offsets, material, y, mirror, rays, gains, rho, alpha, w, specular, residual
+    first, stop, offsets, material, y, mirror, blur, rays, gains, rho, alpha, w, specular, residual
 ):  # fmt: skip
     """S and e = y − D − S with each texel's D; `w` holds the weights of the round before."""
     for i in range(first, stop):
@@ -26,8 +26,13 @@ def _predict(
         for j in range(offsets[i], offsets[i + 1]):
             s = 0.0
             if rho[m] > 0:
-                s = rho[m] * lobe(
-                    mirror[j, 0], mirror[j, 1], mirror[j, 2], rays[i], gains[i], alpha[m]
+                kept = 1.0 / (1.0 + alpha[m] * blur[j])
+                s = (
+                    kept
+                    * rho[m]
+                    * lobe(
+                        mirror[j, 0], mirror[j, 1], mirror[j, 2], rays[i], gains[i], kept * alpha[m]
+                    )
                 )
             specular[j] = s
             weight = w[j] / (1.0 + (s * 0.1) ** 2)
@@ -88,10 +93,7 @@ class FitState:
         samples: FitSamples,
         materials: int,
         pool: ThreadPoolExecutor,
-        curved: np.ndarray,
     ):
-        """curved : (M,) bool, the materials that have hardly any texel flat enough."""
-        self.curved = curved
         self.observations, self.samples, self.materials = observations, samples, materials
         self.position = observations.view.position[samples.texel]
         self.chunks = Chunks(len(samples.texel), pool)
@@ -104,17 +106,18 @@ class FitState:
         self.lamps = lamps(lights, own.texels.radius, cast_shadows(own, texels, lights))
         self.rays, self.gains = light_texels(own.view, texels, self.lamps)
 
-    def profiles(self) -> list[Profile]:
+    def profiles(self, near: np.ndarray | None = None) -> list[Profile]:
+        """Every material's; near (M,): only about these shininesses, where they are > 1."""
         sums = eliminate(
-            self.samples, self.weight, self.rays, self.gains, self.materials, self.chunks
+            self.samples, self.weight, self.rays, self.gains, self.materials, self.chunks, near
         )
         return [profile(s) for s in sums]
 
     def predict(self, rho: np.ndarray, alpha: np.ndarray) -> None:
         s = self.samples
         self.chunks(lambda a, b: _predict(
-            a, b, s.offsets, s.material, s.luminance, s.mirror, self.rays, self.gains, rho, alpha,
-            self.weight, self.specular, self.residual,
+            a, b, s.offsets, s.material, s.luminance, s.mirror, s.blur, self.rays, self.gains,
+            rho, alpha, self.weight, self.specular, self.residual,
         ))  # fmt: skip
 
     def reweigh(self, use_clipped: bool) -> np.ndarray:

@@ -30,9 +30,6 @@ FARTHEST = 0.01
 """κ below which a light is far: it stands a hundred radii away."""
 WEAKEST = 0.05
 """Of the strongest gain, below which a light is none."""
-FLATTER = 0.5
-"""Of the curvature that the lights are refined with: what ρs and α are taken from in the end.
-Lights need many texels, lobes need flat ones."""
 SETTLE = 3
 """The round after which it is decided which lights there are, and which of them are far."""
 STILL = 1e-3
@@ -114,21 +111,19 @@ def fit(
     def gather(
         pool: ThreadPoolExecutor,
         budget: int,
-        flatness: float = curvature,
         offset: int = 0,
         without: Sequence[int] | np.ndarray = (),
     ) -> FitState:
         shiny = np.sqrt(np.maximum(alpha, FIRST_ALPHA))
-        limits = flatness / shiny / (2 * footprint) if flatness > 0 else shiny + np.inf
+        limits = curvature / shiny / (2 * footprint) if curvature > 0 else shiny + np.inf
         chosen, lacking = choose_texels(material, counts, turn, limits, budget, offset)
         named = [int(ids[m]) for m in lacking] if ids is not None else lacking
         note = f"materials {named} are curved nearly everywhere: their gloss is less certain"
-        if lacking and flatness == curvature and note not in notes:
+        if lacking and note not in notes:
             notes.append(note)
         chosen = np.setdiff1d(chosen, without)
-        curved = np.isin(np.arange(count), lacking)
         taken = collect(observations, chosen, material[chosen])
-        return FitState(observations, taken, count, pool, curved)
+        return FitState(observations, taken, count, pool)
 
     def renewed(pool: ThreadPoolExecutor) -> FitState:
         state = gather(pool, samples)
@@ -146,7 +141,7 @@ def fit(
                 # Choose the texels anew, now that it is known how flat they must be
                 state = renewed(pool)
             # Find ρs and α of every material under the present lights
-            profiles = state.profiles()
+            profiles = state.profiles(alpha if r > 2 else None)
             rho = np.array([p.rho_s for p in profiles])
             alpha = np.array([p.alpha for p in profiles])
             # Weigh the samples by their residuals, then move the lights
@@ -172,18 +167,11 @@ def fit(
                         samples = max(samples * len(lights) // points, samples // 8)
                         state = renewed(pool)
             progress(r + 1, rounds)
-        # Now that the lights are known, take ρs and α from flatter texels, where there are enough
-        state = gather(pool, samples, FLATTER * curvature)
-        state.light(lights)
-        for _ in range(2):
-            state.predict(rho, alpha)
-            state.reweigh(censoring)
-            profiles = [
-                before if few else after
-                for before, after, few in zip(profiles, state.profiles(), state.curved, strict=True)
-            ]
-            rho = np.array([p.rho_s for p in profiles])
-            alpha = np.array([p.alpha for p in profiles])
+        # Take the whole profiles, which tell how certain α is
+        profiles = state.profiles()
+        rho = np.array([p.rho_s for p in profiles])
+        alpha = np.array([p.alpha for p in profiles])
+        state.predict(rho, alpha)
         # Judge by texels that the fit has not used whether it explains anything
         test = gather(pool, samples // 4, offset=1, without=state.samples.texel)
         test.light(lights)

@@ -207,7 +207,7 @@ def _others(
     counts = observations.store.counts()
     chosen, _ = choose_texels(material, counts, turn, limits, samples // 30, offset=1)
     taken = collect(observations, chosen, material[chosen])
-    state = FitState(observations, taken, len(rho), pool, np.zeros(len(rho), bool))
+    state = FitState(observations, taken, len(rho), pool)
     state.light(found.lights)
     for _ in range(2):
         state.predict(rho, alpha)

@@ -46,6 +46,8 @@ class Observations:
     frames whose places differ by one are neighbours in time, a gap is a frame that was left out
     pixel : (F,) float32, radians that a frame's pixel subtends at its middle
     rays : of the mesh, to test lights for shadows; None: the harmonics tell
+    shape : (T, 3, 3) float32, how the normals turn (`geometry.surface_shape`), which tells how far
+        a pixel blurs highlights; None: it does not
     """
 
     texels: Texels
@@ -55,6 +57,7 @@ class Observations:
     order: np.ndarray
     pixel: np.ndarray
     rays: Rays | None = None
+    shape: np.ndarray | None = None
 
 
 def observe(

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from meshlab_svbrdf.reflectance.elimination import ALPHAS, _powers, eliminate, profile
+from meshlab_svbrdf.reflectance.elimination import ALPHAS, REACH, _add_lobes, eliminate, profile
 from meshlab_svbrdf.reflectance.fit_samples import FitSamples
 
 CELL = np.log(2) / 3  # of the grid, in ln α
@@ -19,7 +19,7 @@ CELL = np.log(2) / 3  # of the grid, in ln α
 class Case:
     """Texels whose mirror directions pass near two lights at many distances; y is the model's."""
 
-    def __init__(self, rho=30.0, alpha=50.0, texels=40, counts=25, noise=0.0, seed=0):
+    def __init__(self, rho=30.0, alpha=50.0, texels=40, counts=25, noise=0.0, seed=0, blur=0.0):
         rng = np.random.default_rng(seed)
         counts = np.full(texels, counts) if np.isscalar(counts) else np.asarray(counts)
         offsets = np.concatenate([[0], np.cumsum(counts)])
@@ -34,23 +34,27 @@ class Case:
         self.owner, self.texels = owner, texels
         self.material = rng.integers(0, 2, texels).astype(np.int32)
         self.weight = rng.uniform(0.2, 1, n).astype(np.float32)
+        self.blur = (rng.uniform(0, 2 * blur, n) / alpha).astype(np.float32)
         diffuse = rng.uniform(0, 60, texels)
         y = diffuse[owner] + rho * self.phi(alpha) + noise * rng.normal(size=n)
         self.samples = FitSamples(
             np.arange(texels), self.material, offsets, y.astype(np.float32),
             np.zeros((n, 3), np.float32), np.ones(n, np.float32), np.zeros(n, bool), mirror,
+            self.blur,
         )  # fmt: skip
 
     def phi(self, alpha):
-        cos = np.clip(self.cos, 0, 1)
-        return (self.gains[self.owner] * np.where(cos > 0.01, cos**alpha, 0)).sum(1)
+        cos, kept = np.clip(self.cos, 0, 1), 1 / (1 + alpha * self.blur.astype(float))[:, None]
+        lobe = np.where(cos > 0.01, cos ** (alpha * kept), 0) * kept
+        return (self.gains[self.owner] * lobe).sum(1)
 
-    def sums(self, samples=None, weight=None, pieces=1):
+    def sums(self, samples=None, weight=None, pieces=1, near=None):
         samples = samples or self.samples
         edges = np.linspace(0, self.texels, pieces + 1).astype(int)
         return eliminate(
             samples, self.weight if weight is None else weight, self.rays, self.gains, 2,
             lambda work: [work(a, b) for a, b in itertools.pairwise(edges)],
+            near,
         )  # fmt: skip
 
     def with_luminance(self, y):
@@ -163,25 +167,55 @@ def test_lights_that_do_not_shine_do_not_count():
     assert profile(a[0]).alpha == pytest.approx(50, rel=0.05)
 
 
-# The powers
+# Lobes that pixels blur, and shininesses that are already about known
 
 
-@given(st.floats(0.011, 1.0), st.floats(1e-3, 10))
-def test_powers_by_squaring_are_exponentials(cos, gain):
+@pytest.mark.parametrize("rho", [30.0, 900.0])
+def test_recovers_blurred_lobes(rho):
+    """Pixels widen every sample's lobe by another share, of half its own width on average."""
+    case = Case(rho, blur=0.5)
+    for sums in case.sums():
+        found = profile(sums)
+        assert abs(np.log(found.alpha / 50)) < 0.15 * CELL
+        assert abs(np.log(found.rho_s / rho)) < 0.05
+    sharp = replace(case.samples, blur=np.zeros_like(case.blur))
+    for sums in case.sums(sharp):
+        assert profile(sums).alpha < 42
+
+
+def test_about_a_shininess_only_its_neighbours_are_tried():
+    case = Case(noise=1.0, blur=0.2)
+    everything, nearest = case.sums(), int(np.argmin(np.abs(np.log(ALPHAS / 45))))
+    some = case.sums(near=np.array([45.0, 1.0]))
+    inside = slice(nearest - REACH, nearest + REACH + 1)
+    np.testing.assert_array_equal(some[0, :, inside], everything[0, :, inside])
+    np.testing.assert_array_equal(some[:, 2], everything[:, 2])
+    assert not some[0, :2, : nearest - REACH].any()
+    assert not some[0, :2, nearest + REACH + 1 :].any()
+    # A shininess of 1 is that of materials that have shown none yet
+    np.testing.assert_array_equal(some[1], everything[1])
+    assert profile(some[0]).alpha == profile(everything[0]).alpha
+    assert profile(some[0]).rho_s == profile(everything[0]).rho_s
+
+
+@given(st.floats(0.011, 1.0), st.floats(1e-3, 10), st.floats(0, 0.1), st.integers(0, 30))
+def test_lobes_are_exponentials_from_the_first_asked_for(cos, gain, blur, first):
     cos = np.float32(cos)
+    height = 1 / (1 + ALPHAS * blur)
     phi = np.zeros(len(ALPHAS))
-    used = _powers(cos, gain, phi)
-    exact = gain * np.float64(cos) ** ALPHAS
-    np.testing.assert_allclose(phi, exact, rtol=2e-4, atol=1.1e-6 * gain)
+    used = _add_lobes(cos, gain, first, ALPHAS * height, height, phi)
+    exact = gain * height * np.float64(cos) ** (ALPHAS * height)
+    np.testing.assert_allclose(phi[first:], exact[first:], rtol=2e-4, atol=1.1e-6 * gain)
+    assert not phi[:first].any()
     assert not phi[used:].any()
-    assert used == 0 or phi[used - 1] > 0
 
 
-def test_powers_add_and_stop_at_one():
+def test_lobes_add_and_stop_at_one():
     phi = np.ones(len(ALPHAS))
-    assert _powers(np.float32(1), 2.0, phi) == len(ALPHAS)
+    arguments = (0, ALPHAS, np.ones(len(ALPHAS)), phi)
+    assert _add_lobes(np.float32(1), 2.0, *arguments) == len(ALPHAS)
     np.testing.assert_array_equal(phi, 3)
-    _powers(np.float32(1 + 1e-6), 2.0, phi)
+    _add_lobes(np.float32(1 + 1e-6), 2.0, *arguments)
     np.testing.assert_array_equal(phi, 5)
 
 

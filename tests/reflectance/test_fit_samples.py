@@ -2,12 +2,11 @@
 
 import numpy as np
 import pytest
-from analytic import ball, mirror, observations_of, orbit, plane, sphere
+from analytic import ball, mirror, observations_of, orbit
 from hypothesis import given
 from hypothesis import strategies as st
 
-from meshlab_svbrdf.geometry.mesh import Mesh
-from meshlab_svbrdf.reflectance.fit_samples import FLAT_LEAST, choose_texels, collect, normal_turn
+from meshlab_svbrdf.reflectance.fit_samples import FLAT_LEAST, choose_texels, collect
 from meshlab_svbrdf.reflectance.threshold import MINIMUM_SAMPLES
 from meshlab_svbrdf.samples.luminance import REC709, decode
 
@@ -56,33 +55,6 @@ def test_no_texels_no_samples(tmp_path):
     s = collect(o, np.zeros(0, np.int64), np.zeros(0, np.int32))
     assert len(s) == 0
     np.testing.assert_array_equal(s.offsets, [0])
-
-
-@pytest.mark.parametrize("scale", [1e-3, 1.0, 1e6])
-def test_the_normal_of_a_sphere_turns_by_a_radian_per_its_radius(scale):
-    """The mesh's own radius, half the diagonal of its box, is √3 of the sphere's."""
-    mesh = sphere(48)
-    turn = normal_turn(Mesh(scale * mesh.vertices, mesh.faces, mesh.normals))
-    np.testing.assert_allclose(turn, np.sqrt(3), rtol=1e-3)
-
-
-def test_a_plane_does_not_turn_and_an_edge_does():
-    assert not normal_turn(plane(cells=4)).any()
-    vertices = np.array([[0, 0, 0], [0, 1, 0], [1, 0, 0], [0, 0, -1]], float)
-    faces = np.array([[0, 2, 1], [0, 1, 3]], np.int32)
-    normals = np.array([[0, 0, 1], [0, 0, 1], [1, 0, 0], [0, 0, 1.0]])
-    mesh = Mesh(vertices, faces, normals)
-    assert normal_turn(mesh)[2] == pytest.approx(np.pi / 2 * mesh.radius)
-    assert normal_turn(mesh)[3] == 0
-
-
-def test_edges_without_length_turn_nothing():
-    mesh = Mesh(np.array([[0, 0, 0], [0, 0, 0], [1, 0, 0], [0, 1, 0.0]]),
-                np.array([[0, 1, 2], [0, 2, 3]], np.int32),
-                np.array([[0, 0, 1], [0, 0, -1], [0, 0, 1], [0, 0, 1.0]]))  # fmt: skip
-    turn = normal_turn(mesh)
-    assert np.isfinite(turn).all()
-    assert turn[3] == 0
 
 
 @given(st.integers(0, 999), st.integers(100, 20000), st.floats(0.5, 20))

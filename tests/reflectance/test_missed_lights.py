@@ -41,7 +41,7 @@ def state(scene):
         def state(lights):
             chosen = np.arange(0, T, 5)
             taken = collect(scene.observations, chosen, scene.material[chosen])
-            made = FitState(scene.observations, taken, 3, pool, np.zeros(3, bool))
+            made = FitState(scene.observations, taken, 3, pool)
             made.light(lights)
             for _ in range(2):
                 made.predict(RHO, ALPHA)
@@ -74,7 +74,7 @@ def test_a_lamp_explains_as_much_as_its_gain_says(tmp_path):
     everywhere = np.arange(400)
     taken = collect(scene.observations, everywhere, scene.material)
     with ThreadPoolExecutor(2) as pool:
-        state = FitState(scene.observations, taken, 1, pool, np.zeros(1, bool))
+        state = FitState(scene.observations, taken, 1, pool)
         state.light([lamp([0, 0, 1], 1e-9)])
         state.predict(np.array([40.0]), np.array([12.0]))
         residue = search(state, scene.observations.view, np.array([40.0]), np.array([12.0]))

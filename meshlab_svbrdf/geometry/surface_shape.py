@@ -1,0 +1,74 @@
+"""How fast the normals turn over the surface, from the texels' own normals, whatever they are from.
+
+surface_shape   the linear map S with δn = S δx of every texel
+steepest_turn   its norm
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from .adjacency import neighbours
+
+FLATTEST_CELL = 1e-3
+"""Least of the neighbours' spread, det / trace², that still tells two directions."""
+
+
+@njit(cache=True, nogil=True)
+def _surface_shape(indptr, indices, position, normal, shape):
+    """Least squares of n_j − n_i = S (x_j − x_i) over the neighbours, in the tangent plane."""
+    axes, a, b = np.empty((2, 3)), np.empty(2), np.empty(3)
+    for i in range(len(position)):
+        n = normal[i]
+        least = np.argmin(np.abs(n))
+        for c in range(3):
+            axes[0, c] = (1.0 if c == least else 0.0) - n[least] * n[c]
+        axes[0] /= np.sqrt((axes[0] * axes[0]).sum())
+        axes[1, 0] = n[1] * axes[0, 2] - n[2] * axes[0, 1]
+        axes[1, 1] = n[2] * axes[0, 0] - n[0] * axes[0, 2]
+        axes[1, 2] = n[0] * axes[0, 1] - n[1] * axes[0, 0]
+        aa, ab, bb = 0.0, 0.0, 0.0
+        moment = np.zeros((2, 3))
+        for e in range(indptr[i], indptr[i + 1]):
+            j = indices[e]
+            a[:] = 0.0
+            for c in range(3):
+                step = position[j, c] - position[i, c]
+                a[0] += step * axes[0, c]
+                a[1] += step * axes[1, c]
+                b[c] = normal[j, c] - n[c]
+            aa, ab, bb = aa + a[0] * a[0], ab + a[0] * a[1], bb + a[1] * a[1]
+            for c in range(3):
+                moment[0, c] += a[0] * b[c]
+                moment[1, c] += a[1] * b[c]
+        det = aa * bb - ab * ab
+        if not det > FLATTEST_CELL * (aa + bb) ** 2:
+            shape[i] = np.nan
+            continue
+        for c in range(3):
+            u = (bb * moment[0, c] - ab * moment[1, c]) / det
+            v = (aa * moment[1, c] - ab * moment[0, c]) / det
+            for d in range(3):
+                shape[i, c, d] = u * axes[0, d] + v * axes[1, d]
+
+
+def surface_shape(position: np.ndarray, normal: np.ndarray) -> np.ndarray:
+    """How the normal turns along the surface: S (T, 3, 3) float32 with δn = S δx, per unit of x.
+
+    position, normal : (T, 3), of texels that cover the surface; NaN where neighbours do not tell
+    """
+    shape = np.empty((len(position), 3, 3), np.float32)
+    _surface_shape(
+        *neighbours(position, normal), np.asarray(position, np.float64),
+        np.asarray(normal, np.float64), shape,
+    )  # fmt: skip
+    return shape
+
+
+def steepest_turn(shape: np.ndarray) -> np.ndarray:
+    """The largest turn of the normal per unit of x in any direction, (T,); inf where not known."""
+    known = np.isfinite(shape[:, 0, 0])
+    turn = np.full(len(shape), np.inf)
+    turn[known] = np.linalg.norm(shape[known], ord=2, axis=(1, 2))
+    return turn
