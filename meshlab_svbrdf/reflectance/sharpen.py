@@ -25,8 +25,8 @@ REACH = 4
 CUT = 9.0
 """Square of the Mahalanobis distance beyond which nothing blurs in."""
 ROUNDS = 8
-NOISE = 3.0
-"""Of a colour's standard error, below which B − K D is noise."""
+NOISE = 5.0
+"""Standard errors of B at which the gain is a half."""
 
 
 @njit(cache=True, nogil=True)
@@ -126,11 +126,11 @@ def sharpen(
     known = np.isfinite(blurred).all(1) & (covariance[:, 0] > 0)
     kernel = blur_kernel(texels, np.where(known[:, None], covariance, 0).astype(np.float32))
     start = np.where(known[:, None], blurred, 0).astype(np.float32)
-    threshold = (NOISE * np.nan_to_num(noise[:, None])) ** 2
+    threshold = (NOISE * np.nan_to_num(noise[:, None])) ** 4
     sharp = start.copy()
     for _ in range(ROUNDS):
         missing = start - kernel @ sharp
-        square = missing**2
-        gain = square / np.maximum(square + threshold, 1e-30)
+        fourth = missing**4
+        gain = fourth / np.maximum(fourth + threshold, 1e-30)
         sharp = np.maximum(sharp + gain * missing, 0)
     return np.where(known[:, None], sharp, blurred).astype(np.float32)
