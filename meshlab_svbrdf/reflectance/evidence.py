@@ -11,6 +11,7 @@ Z_LEAST = 3.0
 WIDTH_MOST = 1.5
 EXPLAINED_LEAST = 0.3
 COLOR_ERROR_MOST = 0.1
+SUMS = 14
 
 
 @dataclass(frozen=True)
@@ -31,9 +32,8 @@ class Evidence:
 
 @njit(cache=True, nogil=True)
 def _evidence(first, stop, offsets, material, rgb, y, w, specular, residual, noise, sums):
-    """Add to sums (M, 4 + 3 + 3), over the texels that show the lobe.
-
-    ΣwS̃², Σw²S̃²e², Σwe² and Σwỹ²; then, per channel, ΣwS̃c̃ and Σw²S̃²c̃².
+    """Add to sums (M, 5 + 3 + 3 + 3): ΣwS̃² and Σw²S̃²e²; over the texels that show the lobe,
+    Σwe² and Σwỹ²; Σw²S̃⁴; then, per channel, ΣwS̃c̃, Σw²S̃²c̃² and Σw²S̃³c̃.
     """
     for i in range(first, stop):
         m = material[i]
@@ -55,10 +55,12 @@ def _evidence(first, stop, offsets, material, rgb, y, w, specular, residual, noi
             if shows:
                 sums[m, 2] += w[j] * e * e
                 sums[m, 3] += w[j] * d * d
+            sums[m, 4] += w[j] * w[j] * s**4
             for c in range(3):
                 v = rgb[j, c] - sc[c] / sw
-                sums[m, 4 + c] += w[j] * s * v
-                sums[m, 7 + c] += w[j] * w[j] * s * s * (v - s) * (v - s)
+                sums[m, 5 + c] += w[j] * s * v
+                sums[m, 8 + c] += w[j] * w[j] * s * s * v * v
+                sums[m, 11 + c] += w[j] * w[j] * s**3 * v
 
 
 def weigh_evidence(
@@ -71,7 +73,7 @@ def weigh_evidence(
     """
 
     def work(first, stop):
-        sums = np.zeros((len(noise), 10))
+        sums = np.zeros((len(noise), SUMS))
         _evidence(
             first, stop, samples.offsets, samples.material, samples.rgb, samples.luminance, weight,
             specular, residual, noise, sums,
@@ -79,18 +81,21 @@ def weigh_evidence(
         return sums
 
     out = []
-    for row in sum(chunks(work), np.zeros((len(noise), 10))):
+    for row in sum(chunks(work), np.zeros((len(noise), SUMS))):
         q, error, unexplained, variance = row[:4]
         if q <= 0:
             out.append(Evidence(0.0, np.nan, np.ones(3), np.full(3, np.inf)))
             continue
         explained = 1 - unexplained / variance if variance > 0 else np.nan
+        # The colour's error is what its own highlight leaves: Σw²S̃² (c̃ − color S̃)²
+        color = row[5:8] / q
+        left = row[8:11] - 2 * color * row[11:14] + color**2 * row[4]
         out.append(
             Evidence(
                 q / np.sqrt(error) if error > 0 else np.inf,
                 explained,
-                row[4:7] / q,
-                np.sqrt(row[7:]) / q,
+                color,
+                np.sqrt(np.maximum(left, 0)) / q,
             )
         )
     return out

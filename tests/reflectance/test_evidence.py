@@ -73,7 +73,7 @@ def test_is_numpys_of_centred_samples():
     for c in range(3):
         v, _ = centred(samples.rgb[:, c].astype(float), weight)
         assert found.color[c] == pytest.approx((w * s * v).sum() / q, rel=1e-5)
-        error = np.sqrt((w * w * s * s * (v - s) ** 2).sum()) / q
+        error = np.sqrt((w * w * s * s * (v - found.color[c] * s) ** 2).sum()) / q
         assert found.color_error[c] == pytest.approx(error, rel=1e-4)
 
 
@@ -169,6 +169,16 @@ def test_gold_is_found_in_samples():
     np.testing.assert_allclose(highlight_color(found), GOLD, rtol=0.02)
     (found,) = weigh(*case(texels=300), 0.5)
     assert highlight_color(found) == (1, 1, 1)
+
+
+@pytest.mark.parametrize("tint", [(1, 1, 1), GOLD])
+def test_the_colours_error_is_that_of_the_noise_whatever_the_colour(tint):
+    """Also where gold is far from white."""
+    (found,) = weigh(*case(tint, noise=0.0), 0.5)
+    assert (found.color_error < 1e-3).all()
+    (found,) = weigh(*case(tint, texels=300), 0.5)
+    (white,) = weigh(*case(texels=300), 0.5)
+    np.testing.assert_allclose(found.color_error, white.color_error, rtol=0.05)
 
 
 # The verdict
