@@ -28,6 +28,7 @@ def set_lights(
                 {
                     "direction": light.direction, "position": light.position(center, radius),
                     "gain": light.gain, "covariance": light.covariance, "half_length": light.bar,
+                    "half_breadth": light.breadth,
                 }
                 for light in lights
             ],
@@ -48,7 +49,7 @@ def read_lights(document: Document) -> list[Light]:
             Light(
                 np.array(entry["direction"]), np.array(entry["covariance"]), entry["gain"],
                 0.0 if position is None else radius / float(distance),
-                bar=np.array(entry["half_length"]),
+                bar=np.array(entry["half_length"]), breadth=entry.get("half_breadth", 0.0),
             )
         )  # fmt: skip
     return lights

@@ -132,6 +132,7 @@ def fit(
         state.reweigh(censoring)
         return state
 
+    most, samples = samples, _affordable(samples, lights)
     with ThreadPoolExecutor(thread_count()) as pool:
         state = gather(pool, samples)
         free, error = np.full(len(lights), near), np.zeros(len(lights))
@@ -161,10 +162,8 @@ def fit(
                 if long:
                     few = gather(pool, samples // 8)
                     lights = fit_lengths(lights, _trial(few, lights, rho, alpha))
-                    points = len(lamps(lights, 1.0).gain)
-                    if points > len(lights):
-                        # Spend no more on rows of points than on single ones
-                        samples = max(samples * len(lights) // points, samples // 8)
+                    before, samples = samples, _affordable(most, lights)
+                    if samples != before:
                         state = renewed(pool)
             progress(r + 1, rounds)
         # Take the whole profiles, which tell how certain α is
@@ -188,6 +187,12 @@ def fit(
         notes.append("no gloss is observed, so nothing shows where the lights are")
         lights = []
     return JointFit(lights, materials, history, notes)
+
+
+def _affordable(samples: int, lights: list[Light]) -> int:
+    """How many samples to take: no more is spent on rows of points than on single ones."""
+    points = len(lamps(lights, 1.0).gain)
+    return max(samples * len(lights) // points, samples // 8)
 
 
 def _trial(

@@ -1,4 +1,4 @@
-"""Gauss-Newton on the lights: direction, ln gain, κ and bar of each, texel-centred.
+"""Gauss-Newton on the lights: direction, ln gain, κ, bar and breadth of each, texel-centred.
 
 Every texel's D_i is eliminated by centring, so that only what varies among a texel's samples
 counts.
@@ -15,7 +15,7 @@ from .fit_samples import FitSamples
 from .lights import Light, tangents
 from .phong import Lamps
 
-PARAMETERS = 6  # per light: two angles, ln gain, κ, and the bar's two components
+PARAMETERS = 7  # per light: two angles, ln gain, κ, the bar's two components, and the breadth
 
 
 @njit(cache=True, nogil=True)
@@ -73,12 +73,23 @@ def _normal_equations(
                     jac[b : b + PARAMETERS] = 0.0
                 across = gx * f[0, 0] + gy * f[0, 1] + gz * f[0, 2]
                 up = gx * f[1, 0] + gy * f[1, 1] + gz * f[1, 2]
-                jac[b] += across
-                jac[b + 1] += up
+                # Bar and breadth turn with the direction
+                qx, qy, qz = lamps.direction[k, 0], lamps.direction[k, 1], lamps.direction[k, 2]
+                away = gx * f[5, 0] + gy * f[5, 1] + gz * f[5, 2]
+                jac[b] += across - away * (qx * f[0, 0] + qy * f[0, 1] + qz * f[0, 2])
+                jac[b + 1] += up - away * (qx * f[1, 0] + qy * f[1, 1] + qz * f[1, 2])
                 jac[b + 2] += s
                 jac[b + 3] -= (gx * px + gy * py + gz * pz) / lamps.radius
-                jac[b + 4] += lamps.along[k] * across
-                jac[b + 5] += lamps.along[k] * up
+                # The breadth turns with the bar, and the points' shares of the gain change
+                c = s / (qx * qx + qy * qy + qz * qz)
+                gx, gy, gz = gx - c * qx, gy - c * qy, gz - c * qz
+                across = gx * f[0, 0] + gy * f[0, 1] + gz * f[0, 2]
+                up = gx * f[1, 0] + gy * f[1, 1] + gz * f[1, 2]
+                beside = gx * f[2, 0] + gy * f[2, 1] + gz * f[2, 2]
+                turn = lamps.across[k] * (gx * f[3, 0] + gy * f[3, 1] + gz * f[3, 2])
+                jac[b + 4] += lamps.along[k] * across - turn * f[4, 0] + s * f[6, 0]
+                jac[b + 5] += lamps.along[k] * up - turn * f[4, 1] + s * f[6, 1]
+                jac[b + 6] += lamps.across[k] * beside + s * f[6, 2]
             if count > 0:
                 touched = True
                 for p in range(count):
@@ -95,6 +106,24 @@ def _normal_equations(
                     vector[u] -= mean_j[u] * se / sw
                     for v in range(size):
                         matrix[u, v] -= mean_j[u] * mean_j[v] / sw
+
+
+def _frame(light: Light, lamps: Lamps, k: int) -> np.ndarray:
+    """(7, 3): two tangents; the breadth's direction, how it turns with the bar, by which tangent;
+    the direction; how ln gain of all points changes with the bar's components and the breadth."""
+    u, v = tangents(light.direction)
+    turn = light.breadth / max(float(light.bar @ light.bar), 1e-300) * light.bar
+    by = np.array([light.side @ u, light.side @ v, 0.0])
+    own = lamps.light == k
+    row, along, across = lamps.direction[own], lamps.along[own], lamps.across[own]
+    cosine2 = 1 / np.sum(row**2, axis=1)
+    moves = np.stack([
+        along * (row @ u) - across * (row @ turn) * by[0],
+        along * (row @ v) - across * (row @ turn) * by[1],
+        across * (row @ light.side),
+    ])  # fmt: skip
+    swell = 4 * (moves @ cosine2**3) / np.sum(cosine2**2)
+    return np.stack([u, v, light.side, turn, by, light.direction, swell])
 
 
 def refine_lights(
@@ -117,7 +146,7 @@ def refine_lights(
     lights : gains of geometric mean 1
     error : (K,) standard error of κ
     """
-    frames = np.array([tangents(light.direction) for light in lights])
+    frames = np.array([_frame(light, lamps, k) for k, light in enumerate(lights)])
     size = len(lights) * PARAMETERS
 
     def work(first, stop):
@@ -133,6 +162,7 @@ def refine_lights(
     free = np.ones(size, bool)
     free[3::PARAMETERS] = near
     free[4::PARAMETERS] = free[5::PARAMETERS] = [light.bar.any() for light in lights]
+    free[6::PARAMETERS] = [light.breadth > 0 for light in lights]
     free &= np.diag(matrix) > 0
     delta, error = np.zeros(size), np.full(size, np.inf)
     if free.any():
@@ -145,20 +175,21 @@ def refine_lights(
     moved = []
     for k, light in enumerate(lights):
         own = delta[PARAMETERS * k : PARAMETERS * (k + 1)]
-        angles, gain, kappa, turn = np.split(own, [2, 3, 4])
+        angles, gain, kappa, turn, wider = np.split(own, [2, 3, 4, 6])
         angles, turn = (
             x * min(1.0, step / max(float(np.linalg.norm(x)), 1e-12)) for x in (angles, turn)
         )
-        bar = light.bar + turn @ frames[k]
-        direction = light.direction + angles @ frames[k]
+        bar = light.bar + turn @ frames[k, :2]
+        direction = light.direction + angles @ frames[k, :2]
         direction = direction / np.linalg.norm(direction)
-        rotation = tangents(direction) @ frames[k].T
+        rotation = tangents(direction) @ frames[k, :2].T
         moved.append(
             replace(
                 light,
                 direction=direction,
                 covariance=rotation @ light.covariance @ rotation.T,
                 bar=bar - (bar @ direction) * direction,
+                breadth=max(0.0, light.breadth + float(np.clip(wider[0], -step, step))),
                 gain=light.gain * float(np.exp(np.clip(gain[0], -1, 1))),
                 curvature=float(
                     np.clip(light.curvature + np.clip(kappa[0], -3 * step, 3 * step), 0, 0.5)

@@ -25,6 +25,7 @@ class Light:
     energy : what it adds up to in the map, for ranking
     bar : (3,) float64, half of a long lamp's length as seen from the centre: a tangent vector, in
         units of the distance; 0 for a compact lamp
+    breadth : half of its other side, at right angles to the bar, in the same units; 0 for a row
     """
 
     direction: np.ndarray
@@ -33,6 +34,13 @@ class Light:
     curvature: float = 0.0
     energy: float = 0.0
     bar: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    breadth: float = 0.0
+
+    @property
+    def side(self) -> np.ndarray:
+        """Unit vector (3,) along its breadth, at right angles to the bar; 0 without a bar."""
+        across = np.cross(self.direction, self.bar)
+        return across / max(float(np.linalg.norm(across)), 1e-300)
 
     def position(self, center: np.ndarray, radius: float) -> np.ndarray | None:
         """Where it stands in the world, (3,), or None where it is far."""

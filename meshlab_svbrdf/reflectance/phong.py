@@ -2,7 +2,8 @@
 
 A light k stands towards d_k as seen from the object's centre c, at the distance 1/κ_k radii. At x
 it is seen along L = d − κ (x − c)/radius, l = L/|L|, with the gain g/|L|². A long lamp is a row of
-points that share its gain.
+points, a wide one a grid of them, on a plane that faces c. Their gain falls with the cosine at
+which they send light to c; together they give a surface there that faces the lamp what one would.
 """
 
 from __future__ import annotations
@@ -18,14 +19,17 @@ from .lights import Light
 
 SPACING = 0.07
 """Radians between the points of a long lamp: about the width of the sharpest lobes."""
+COARSER = 1.5
+"""Times that apart are the points of a wide lamp."""
 POINTS_MOST = 12
+"""Along each side."""
 
 
 class Lamps(NamedTuple):
     """The lights' points as arrays; P points of K lights.
 
     direction : (P, 3) float64; gain, curvature : (P,) float64; light : (P,) which light's they are
-    along : (P,) float64, place on the light's bar, -1 to 1
+    along, across : (P,) float64, place on the light's bar and breadth, -1 to 1
     lit : (T, K) uint8, which light reaches which texel; or (0, K): the harmonics tell
     """
 
@@ -34,6 +38,7 @@ class Lamps(NamedTuple):
     curvature: np.ndarray
     light: np.ndarray
     along: np.ndarray
+    across: np.ndarray
     radius: float
     lit: np.ndarray
 
@@ -41,24 +46,35 @@ class Lamps(NamedTuple):
 def lamps(lights: list[Light], radius: float, lit: np.ndarray | None = None) -> Lamps:
     """The arrays that kernels read."""
     places = [_places(light) for light in lights]
-    rows = [g.direction + x[:, None] * g.bar for g, x in zip(lights, places, strict=True)]
+    rows = [
+        g.direction + x[:, :1] * g.bar + x[:, 1:] * g.breadth * g.side
+        for g, x in zip(lights, places, strict=True)
+    ]
+    cosines = [1 / np.linalg.norm(row, axis=1) for row in rows]
+    shares = [g.gain * c / (c**4).sum() for g, c in zip(lights, cosines, strict=True)]
     counts = np.array([len(x) for x in places], np.int64)
+    along, across = np.concatenate([*places, np.zeros((0, 2))]).T
     return Lamps(
         np.concatenate([*rows, np.zeros((0, 3))]),
-        np.repeat([light.gain for light in lights], counts) / np.repeat(counts, counts),
+        np.concatenate([*shares, np.zeros(0)]),
         np.repeat(np.array([light.curvature for light in lights], np.float64), counts),
         np.repeat(np.arange(len(lights)), counts),
-        np.concatenate([*places, np.zeros(0)]),
+        along,
+        across,
         float(radius),
         np.zeros((0, len(lights)), np.uint8) if lit is None else lit,
     )
 
 
 def _places(light: Light) -> np.ndarray:
-    """Points evenly along the bar, at most SPACING apart: (P,) in -1 to 1."""
-    length = 2 * float(np.linalg.norm(light.bar))
-    count = int(np.clip(np.ceil(length / SPACING), 1, POINTS_MOST))
-    return (np.arange(count) + 0.5) / count * 2 - 1
+    """Points evenly along the bar and the breadth: (P, 2) in -1 to 1, across slowest."""
+    apart = SPACING * (COARSER if light.breadth > 0 else 1)
+    along, across = (
+        (np.arange(count) + 0.5) / count * 2 - 1
+        for half in (float(np.linalg.norm(light.bar)), light.breadth)
+        for count in [int(np.clip(np.ceil(2 * half / apart), 1, POINTS_MOST))]
+    )
+    return np.stack(np.meshgrid(along, across), -1).reshape(-1, 2)
 
 
 def cast_shadows(

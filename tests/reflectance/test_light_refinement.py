@@ -69,24 +69,27 @@ def moved(lights, k, parameter, by):
     """The lights with one parameter of one light changed."""
     light = lights[k]
     if parameter < 2:
-        light = replace(
-            light, direction=unit(light.direction + by * tangents(light.direction)[parameter])
-        )
+        direction = unit(light.direction + by * tangents(light.direction)[parameter])
+        bar = light.bar - (light.bar @ direction) * direction
+        light = replace(light, direction=direction, bar=bar)
     elif parameter == 2:
         light = replace(light, gain=light.gain * np.exp(by))
     elif parameter == 3:
         light = replace(light, curvature=light.curvature + by)
+    elif parameter == 6:
+        light = replace(light, breadth=light.breadth + by)
     else:
         light = replace(light, bar=light.bar + by * tangents(light.direction)[parameter - 4])
     return [*lights[:k], light, *lights[k + 1 :]]
 
 
 def differences(found, lights):
-    """What a step did, (K, 6): angles, ln gain, κ and bar."""
+    """What a step did, (K, 7): angles, ln gain, κ, bar and breadth."""
     return np.array([
         [
             *(tangents(b.direction) @ a.direction), np.log(a.gain / b.gain),
             a.curvature - b.curvature, *(tangents(b.direction) @ (a.bar - b.bar)),
+            a.breadth - b.breadth,
         ]
         for a, b in zip(found, lights, strict=True)
     ])  # fmt: skip
@@ -97,13 +100,20 @@ def differences(found, lights):
 def test_jacobian_is_the_finite_difference(bench, k, parameter):
     """To Gauss-Newton the central difference of the prediction is one step along its parameter."""
     h, bar = 1e-5, np.array([0.12, 0.05])  # so small that no texel crosses the horizon
-    lights = [replace(light, bar=bar @ tangents(light.direction)) for light in LIGHTS]
+    lights = [replace(light, bar=bar @ tangents(light.direction), breadth=0.08) for light in LIGHTS]
     ahead, back = moved(lights, k, parameter, h), moved(lights, k, parameter, -h)
     found, _ = bench.step(lights, (bench.predict(ahead) - bench.predict(back)) / 2, damping=0.0)
     expected = np.zeros((3, PARAMETERS))
     expected[k, parameter] = h
     expected[:, 2] -= expected[:, 2].mean()  # gains of geometric mean 1
     np.testing.assert_allclose(differences(found, lights), expected, atol=0.01 * h)
+
+
+def test_a_row_stays_a_row(bench):
+    lights = [replace(light, bar=0.1 * tangents(light.direction)[0]) for light in LIGHTS]
+    wider = [replace(light, breadth=0.1) for light in lights]
+    found, _ = bench.step(lights, bench.predict(wider) - bench.predict(lights))
+    assert not any(light.breadth for light in found)
 
 
 def test_the_bar_of_a_compact_lamp_stays_zero(bench):
