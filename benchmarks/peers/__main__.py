@@ -13,6 +13,7 @@ import argparse
 import json
 import sys
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -34,6 +35,16 @@ COLUMNS = (  # heading, figure, format
     ("highlights", "psnr_highlights", "{:.1f}"),
     ("s", "seconds", "{:.0f}"),
 )
+
+
+def over_time(results: dict[str, Scores]) -> Iterator[str]:
+    """What an inverse rendering had reached after how long."""
+    for name, figures in results.items():
+        for at in figures.get("over_time", ()):
+            yield (
+                f"{name}, {at['seconds']:.0f} s, {at['steps']} steps: ΔE {at['dE_mean']:.2f}, "
+                f"{at['psnr']:.1f} dB, highlights {at['psnr_highlights']:.1f} dB"
+            )
 
 
 def table(results: dict[str, Scores]) -> Table:
@@ -61,6 +72,7 @@ def main() -> None:
     parser.add_argument("result", type=Path, help="NAME.svbrdf of a run on it")
     parser.add_argument("--truth", type=Path, help="default: ground_truth beside the project")
     parser.add_argument("--peer", action="append", choices=list(PEERS), metavar="NAME")
+    parser.add_argument("--minutes", type=float, default=10.0, help="of the inverse rendering (10)")
     parser.add_argument("--out", type=Path, help="keep maps and views in this folder")
     parser.add_argument("--json", type=Path, help="write all figures")
     arguments = parser.parse_args()
@@ -72,14 +84,16 @@ def main() -> None:
             size = int(np.load(arguments.result / "arrays" / "texels_sizes.npy")[0, 0])
             for name in arguments.peer or PEERS:
                 results |= peer_scores(
-                    arguments.project, arguments.result, truth, size, work, [name]
-                )
+                    arguments.project, arguments.result, truth, size, work, [name],
+                    arguments.minutes,
+                )  # fmt: skip
                 print(f"{name}: done", file=sys.stderr, flush=True)
                 if arguments.json:
                     arguments.json.write_text(json.dumps(results, indent=1))
         except SvbrdfError as error:
             raise SystemExit(str(error)) from error
     Console(width=None if sys.stdout.isatty() else 120).print(table(results))
+    print(*over_time(results), sep="\n")
 
 
 if __name__ == "__main__":

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 
@@ -11,8 +12,9 @@ import numpy as np
 from meshlab_svbrdf.document.images import read_exr, write_png
 from meshlab_svbrdf.document.project import read_project
 from meshlab_svbrdf.errors import SvbrdfError
+from meshlab_svbrdf.filters._stages import UNOBSERVED_GREY
 from meshlab_svbrdf.rendering.acquisition import AcquisitionRenderer, Appearance
-from meshlab_svbrdf.samples.luminance import to_srgb8
+from meshlab_svbrdf.samples.luminance import decode, to_srgb8
 
 from ..scenes.score import Scores, diffuse, unseen_views
 from .capture import Capture, read_capture
@@ -23,13 +25,20 @@ PEERS = {  # the file's function
     "quantile": "statistics:quantile",
     "meshlab": "meshlab:run",
     "open3d": "open3d:run",
+    "mitsuba": "mitsuba_inverse:run",
 }
 SUPERSAMPLING = 3  # as our own results are rendered
-Peer = Callable[[Capture, Path, Path], Scores]
+Peer = Callable[..., Scores]
 
 
 def peer_scores(
-    project: Path, result: Path, truth: Path, texture: int, work: Path, names: Sequence[str]
+    project: Path,
+    result: Path,
+    truth: Path,
+    texture: int,
+    work: Path,
+    names: Sequence[str],
+    minutes: float = 10.0,
 ) -> dict[str, Scores]:
     """Figures of the diffuse map and of the unseen views of each peer, by its name.
 
@@ -41,6 +50,7 @@ def peer_scores(
     texture : texels along each side, those of the result
     work : WORK/NAME/ gets what peer NAME made
     names : of `PEERS`
+    minutes : that the inverse rendering may take, scoring not counted
 
     Returns
     -------
@@ -54,7 +64,13 @@ def peer_scores(
     if unknown := sorted(set(names) - set(PEERS)):
         raise SvbrdfError(f"no peer {', '.join(unknown)}; there are {', '.join(PEERS)}")
     capture = read_capture(project, result, texture)
-    return {name: _score(load(name), capture, truth, work / name) for name in names}
+    scores = {}
+    for name in names:
+        peer = load(name)
+        if name == "mitsuba":
+            peer = partial(peer, minutes=minutes)
+        scores[name] = _score(peer, capture, truth, work / name)
+    return scores
 
 
 def load(name: str) -> Peer:
@@ -78,8 +94,10 @@ def render_matte(capture: Capture, folder: Path, truth: Path, views: Path) -> No
     none = np.full(image.shape[:2], np.nan)
     look = Appearance(image, none, none, np.ones_like(image))
     renderer = AcquisitionRenderer(capture.mesh, [look], [])
+    grey = float(decode(np.array(UNOBSERVED_GREY / 255)))  # around our own results' renderings too
     views.mkdir()
     for raster in read_project(truth / "views" / "project.mlp").rasters:
         camera = raster.camera.about(capture.center)
-        image, _ = renderer.render(camera, SUPERSAMPLING)
+        image, coverage = renderer.render(camera, SUPERSAMPLING)
+        image += grey * (1 - coverage[..., None])
         write_png(views / raster.path.name, to_srgb8(image))
