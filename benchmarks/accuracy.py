@@ -1,126 +1,114 @@
-"""How accurate both estimators are on scenes rendered by Mitsuba 3, which know the truth.
+"""How near both estimators come to the truth, scene by scene.
 
-    pip install 'meshlab-svbrdf[benchmark]'
-    python -m benchmarks.accuracy [--scene NAME …] [--only joint] [--cache FOLDER] [--json FILE]
-
-Renders what is missing in the cache (1-2 minutes a scene), runs the chain with the true
-segmentation unless told otherwise, renders views that the frames do not have, and prints one table.
+Both run as a user would run them, and once more with the true segmentation. `truth` is the truth's
+own maps rendered as results are: what the dB can reach. Peers use the same frames and texels.
 """
 
 from __future__ import annotations
 
-import argparse
-import json
-import subprocess
-import sys
-import tempfile
-import time
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 
-from rich.console import Console
-from rich.table import Table
-
-from meshlab_svbrdf.document.mesh_files import read_mesh
-
-from .scenes.catalogue import SCENES
+from .cases import Case
+from .ledger import Ledger, Row, Task
 from .scenes.ceiling import render_truth
-from .scenes.make import cache_folder, ensure_scene
-from .scenes.score import Scores, score, unseen_views
+from .scenes.score import unseen_views
+from .scenes.score_environment import environment_picture
+from .solve import Setup, judge, solve
+from .tables import Column, Table, table
 
-ESTIMATORS = ("joint", "paper")
-COLUMNS = (  # of the table: heading, figure, format
-    ("light °", "light_deg", "{:.2f}"),
-    ("missed", "lights_missed", "{}"),
-    ("false", "lights_false", "{}"),
-    ("ln gain", "ln_gain_max", "{:.3f}"),
-    ("ΔE mean", "dE_mean", "{:.2f}"),
-    ("median", "dE_median", "{:.2f}"),
-    ("95 %", "dE_p95", "{:.2f}"),
-    ("ln ρs", "ln_rho_s_worst", "{:+.2f}"),
-    ("ln α", "ln_alpha_worst", "{:+.2f}"),
-    ("Rand", "adjusted_rand", "{:.2f}"),
-    ("dB", "psnr", "{:.1f}"),
-    ("highlights", "psnr_highlights", "{:.1f}"),
-    ("inner", "psnr_inner", "{:.1f}"),
-    ("SSIM", "ssim", "{:.3f}"),
-    ("s", "seconds", "{:.0f}"),
+PART = "accuracy"
+SMALL = ("floods_convex", "floods_concave")
+PEERS = ("mean", "median", "quantile")
+
+LIGHT = (
+    Column("light °", "light_deg", "{:.2f}"),
+    Column("worst", "light_deg_max", "{:.2f}"),
+    Column("missed", "lights_missed"),
+    Column("false", "lights_false"),
+    Column("ln gain", "ln_gain_max", "{:.3f}"),
+    Column("energy inside", "env_energy_inside", "{:.0%}"),
+    Column("sr outside", "env_outside_sr", "{:.2f}"),
 )
+MATERIAL = (
+    Column("ln ρs", "ln_rho_s_worst", "{:+.3f}"),
+    Column("ln α", "ln_alpha_worst", "{:+.3f}"),
+    Column("clusters", "clusters"),
+    Column("labelled", "labelled", "{:.3f}"),
+    Column("Rand", "adjusted_rand", "{:.2f}"),
+)
+DIFFUSE = (
+    Column("ΔE mean", "dE_mean", "{:.2f}"),
+    Column("median", "dE_median", "{:.2f}"),
+    Column("95 %", "dE_p95", "{:.2f}"),
+    Column("coverage", "coverage", "{:.3f}"),
+)
+VIEWS = (
+    Column("dB", "psnr", "{:.1f}"),
+    Column("worst", "psnr_worst", "{:.1f}"),
+    Column("highlights", "psnr_highlights", "{:.1f}"),
+    Column("inner", "psnr_inner", "{:.1f}"),
+    Column("SSIM", "ssim", "{:.3f}"),
+    Column("of highlights", "ssim_highlights", "{:.3f}"),
+)
+SECONDS = (Column("s", "seconds", "{:.0f}"),)
 
 
-def run(project: Path, estimator: str, out: Path, texture: int, segmentation: str) -> Scores:
-    """Run the chain on a scene as a user would, render its held-out views, and score both."""
-    truth = project.parent / "ground_truth"
-    options = ["--estimator", estimator, "--texture-size", str(texture)]
-    if segmentation == "true":
-        options += ["--materials", str(truth / "material_id.png")]
-    started = time.perf_counter()
-    _shell("run", str(project), "-o", str(out), *options)
-    seconds = time.perf_counter() - started
-    result, rendered = out / project.name, out / "views"
-    cameras = truth / "views" / "project.mlp"
-    _shell("render", str(result), "--cameras", str(cameras), "-o", str(rendered))
-    center = read_mesh(project.parent / "mesh.ply").mesh.center
-    return score(result.with_suffix(".svbrdf"), truth, rendered, center) | {"seconds": seconds}
+def tasks(
+    ledger: Ledger, cases: Sequence[Case], texture: int, peers: Sequence[str] = PEERS
+) -> list[Task]:
+    """The rows of every scene."""
+    ways = {
+        "joint": Setup(texture=texture),
+        "joint, true materials": Setup(texture=texture, true_materials=True),
+        "paper": Setup("paper", texture=texture),
+    }
+    found = []
+    for case in cases:
+        own: dict[str, Callable[[Path], Row]] = {"truth": partial(_truth, case, texture)}
+        for name, setup in ways.items():
+            own[name] = partial(_estimate, ledger, case, name, setup)
+        for name in peers:
+            own[name] = partial(_peer, ledger, case, name, texture)
+        about = f"{texture} texels"
+        found += [Task(PART, case.name, name, about, make) for name, make in own.items()]
+    return found
 
 
-def ceiling(project: Path) -> Scores:
-    """Figures of the held-out views rendered from the truth."""
-    truth = project.parent / "ground_truth"
-    with tempfile.TemporaryDirectory() as temporary:
-        rendered = Path(temporary) / "views"
-        render_truth(truth, rendered)
-        return unseen_views(rendered, truth)
+def _base(ledger: Ledger, case: Case, texture: int):
+    """The plain result that the others go on from."""
+    return solve(case, Setup(texture=texture), ledger.work / PART / "base" / case.name)
 
 
-def _shell(*arguments: str) -> None:
-    command = [sys.executable, "-m", "meshlab_svbrdf.cli", *arguments]
-    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+def _estimate(ledger: Ledger, case: Case, name: str, setup: Setup, folder: Path) -> Row:
+    assert setup.texture is not None
+    base = _base(ledger, case, setup.texture)
+    solved = base if name == "joint" else solve(case, setup, folder, base.document.path.parent)
+    figures = judge(case, solved, folder)
+    picture = ledger.folder / "pictures" / f"{case.name}.{name.replace(', ', '_')}.png"
+    environment_picture(solved.document.folder, case.truth, picture)
+    return figures
 
 
-def table(results: dict[str, dict[str, Scores]]) -> Table:
-    shown = Table(title="worst ln ρs and ln α of all materials; dB over the held-out views")
-    shown.add_column("scene")
-    shown.add_column("estimator")
-    for heading, *_ in COLUMNS:
-        shown.add_column(heading, justify="right")
-    for name, estimators in results.items():
-        for estimator, figures in estimators.items():
-            cells = [
-                "–" if figures.get(key) is None else form.format(figures[key])
-                for _, key, form in COLUMNS
-            ]
-            shown.add_row(name, estimator, *cells)
-    return shown
+def _truth(case: Case, texture: int, folder: Path) -> Row:
+    if not case.phong:
+        return {"skipped": "the truth is no Phong lobe"}
+    render_truth(case.truth, folder / "views", texture)
+    return unseen_views(folder / "views", case.truth)
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--scene", action="append", choices=list(SCENES), metavar="NAME")
-    parser.add_argument("--only", choices=ESTIMATORS)
-    parser.add_argument("--segmentation", choices=("true", "automatic"), default="true")
-    parser.add_argument("--texture-size", type=int, default=512)
-    parser.add_argument("--cache", type=Path, default=cache_folder())
-    parser.add_argument("--out", type=Path, help="keep the results in this folder")
-    parser.add_argument("--json", type=Path, help="write all figures")
-    arguments = parser.parse_args()
-    results: dict[str, dict[str, Scores]] = {}
-    with tempfile.TemporaryDirectory() as temporary:
-        for name in arguments.scene or SCENES:
-            project = ensure_scene(SCENES[name], arguments.cache)
-            phong = all(m.rho_s is not None for m in SCENES[name].materials)
-            results[name] = {"truth": ceiling(project)} if phong else {}
-            for estimator in [arguments.only] if arguments.only else ESTIMATORS:
-                out = (arguments.out or Path(temporary)) / f"{name}.{estimator}"
-                results[name][estimator] = run(
-                    project, estimator, out, arguments.texture_size, arguments.segmentation
-                )
-                print(f"{name} {estimator}: done", file=sys.stderr, flush=True)
-                if arguments.json:
-                    arguments.json.write_text(json.dumps(results, indent=1))
-    Console(width=None if sys.stdout.isatty() else 200).print(table(results))
+def _peer(ledger: Ledger, case: Case, name: str, texture: int, folder: Path) -> Row:
+    from .peers import peer_scores  # some need packages that the rest does not
+
+    result = _base(ledger, case, texture).document.folder
+    return peer_scores(case.path, result, case.truth, texture, folder, [name])[name]
 
 
-if __name__ == "__main__":
-    main()
+def tables(rows: Sequence[Row]) -> list[Table]:
+    rows = [row for row in rows if "skipped" not in row]
+    ours = [row for row in rows if row["name"].startswith(("joint", "paper"))]
+    return [
+        table("Lights, environment map and materials", ours, LIGHT + MATERIAL),
+        table("Diffuse colour and unseen views", rows, DIFFUSE + VIEWS + SECONDS),
+    ]

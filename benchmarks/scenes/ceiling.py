@@ -8,42 +8,69 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import cv2
 import numpy as np
 
 from meshlab_svbrdf.document.images import read_exr, read_image, write_png
 from meshlab_svbrdf.document.mesh_files import read_mesh
 from meshlab_svbrdf.document.project import read_project
+from meshlab_svbrdf.geometry.gutters import fill_gutters
 from meshlab_svbrdf.reflectance.lights import Light
 from meshlab_svbrdf.rendering.acquisition import AcquisitionRenderer, Appearance
+from meshlab_svbrdf.samples.luminance import decode
 from sample_projects.procedural.paint import encode_srgb
 
 from .score import seen_lobes
 
 
-def render_truth(truth: Path, folder: Path) -> None:
-    """Render the held-out views from the truth's maps, one PNG per view, into a new folder."""
+def render_truth(truth: Path, folder: Path, texture: int = 512) -> None:
+    """Render the held-out views from the truth's maps, one PNG per view, into a new folder.
+
+    texture : texels along a side, where the truth's maps are finer
+    """
     light = json.loads((truth / "lights.json").read_text())
     lobes, gain = seen_lobes(truth)
+    diffuse = _diffuse(truth, texture)
     ids = read_image(truth / "material_id.png")
+    ids = cv2.resize(ids, diffuse.shape[1::-1], interpolation=cv2.INTER_NEAREST)
     rho_s, alpha = (np.array([lobe[k] for lobe in lobes])[ids] for k in (0, 1))
-    white = np.ones((*ids.shape, 3))
     # Light from everywhere reflects as if it were diffuse: ∫ρ cos^α/π over the lobe
     haze = rho_s / gain * light["ambient_radiance"][0] * 2 / (alpha + 1)
-    diffuse = read_exr(truth / "diffuse_full.exr") + haze[..., None]
-    look = Appearance(diffuse, rho_s, alpha, white)
-    lights = [
-        Light(
-            np.array(e["direction"]),
-            np.eye(2),
-            float(np.mean(e["phong_intensity"])) / gain,
-            1 / e["distance"],
-        )
-        for e in light["emitters"]
-    ]
+    look = Appearance(diffuse + haze[..., None], rho_s, alpha, np.ones_like(diffuse))
     project = read_project(truth / "views" / "project.mlp")
     mesh = read_mesh(project.meshes[0].path).mesh
+    lights = []
+    for emitter in light["emitters"]:
+        way = np.array(emitter["position"]) - mesh.center
+        distance = float(np.linalg.norm(way))
+        strength = float(np.mean(emitter["phong_intensity"])) / gain
+        lights.append(Light(way / distance, np.eye(2), strength, mesh.radius / distance))
     renderer = AcquisitionRenderer(mesh, [look], lights)
     folder.mkdir(parents=True)
     for raster in project.rasters:
         image, _ = renderer.render(raster.camera, 3)
         write_png(folder / raster.path.name, np.round(255 * encode_srgb(image)).astype(np.uint8))
+
+
+def _diffuse(truth: Path, texture: int) -> np.ndarray:
+    """Albedo times irradiance, (S, S, 3) linear, NaN off the charts.
+
+    Where a scene holds it at half its size only, irradiance is interpolated between the texels.
+    """
+    if (truth / "diffuse_full.exr").is_file():
+        return read_exr(truth / "diffuse_full.exr")
+    shaded = read_exr(truth / "diffuse_shaded.exr").astype(np.float64)
+    albedo = decode(read_image(truth / "albedo.png")[..., :3] / 255)
+    mask = (read_image(truth / "texel_mask.png") > 127).astype(np.float64)
+    half = shaded.shape[1::-1]
+    part = cv2.resize(mask, half, interpolation=cv2.INTER_AREA)
+    mean = cv2.resize(albedo * mask[..., None], half, interpolation=cv2.INTER_AREA)
+    inside = (part > 0.999) & np.isfinite(shaded).all(-1)
+    light = np.full_like(shaded, np.nan)
+    light[inside] = (shaded * part[..., None] / np.maximum(mean, 1e-6))[inside]
+    light = fill_gutters(light, inside)
+    made = albedo * cv2.resize(light, albedo.shape[1::-1], interpolation=cv2.INTER_LINEAR)
+    made = fill_gutters(made, mask > 0)
+    if texture < len(made):
+        made = cv2.resize(made, (texture, texture), interpolation=cv2.INTER_AREA)
+    return made

@@ -17,13 +17,11 @@ from typing import Any
 import cv2
 import numpy as np
 from scipy.optimize import linear_sum_assignment
-from skimage.metrics import structural_similarity
 
 from meshlab_svbrdf.document.images import read_exr, read_image
-from meshlab_svbrdf.document.mesh_files import read_mesh
-from meshlab_svbrdf.document.project import read_project
-from meshlab_svbrdf.geometry.mesh import Mesh
-from meshlab_svbrdf.rendering.acquisition import AcquisitionRenderer, Appearance
+
+from .score_environment import environment
+from .score_views import unseen_views
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")  # it warns of its optional dependencies
@@ -41,7 +39,7 @@ def score(result: Path, truth: Path, rendered: Path, center: np.ndarray) -> Scor
     result : NAME.svbrdf; truth : ground_truth; rendered : folder of the views' renderings;
     center : (3,), of the mesh
     """
-    figures = lights(result, truth, center) | diffuse(result, truth)
+    figures = lights(result, truth, center) | environment(result, truth) | diffuse(result, truth)
     figures |= materials(result, truth) | clusters(result, truth)
     return figures | unseen_views(rendered, truth)
 
@@ -50,7 +48,8 @@ def lights(result: Path, truth: Path, center: np.ndarray) -> Scores:
     """Angles as seen from the centre, gains relative to each other, distances."""
     emitters = _json(truth / "lights.json")["emitters"]
     found = _json(result / "lights.json")["lights"]
-    expected = np.array([e["direction"] for e in emitters])
+    expected = np.array([e["position"] for e in emitters]) - center
+    expected /= np.linalg.norm(expected, axis=1, keepdims=True)
     offsets = [
         np.array(f["direction"]) if f["position"] is None else np.array(f["position"]) - center
         for f in found
@@ -154,7 +153,7 @@ def _worst(errors: Iterable[float]) -> float | None:
 
 
 def clusters(result: Path, truth: Path) -> Scores:
-    """Adjusted Rand index of the material labels."""
+    """How many, the share of the surface that has a label, and the labels' adjusted Rand index."""
     label = read_image(result / "maps" / "material.png")
     ids, inside = _like(label, truth)
     ok = inside & (label < np.iinfo(label.dtype).max)
@@ -167,53 +166,11 @@ def clusters(result: Path, truth: Path) -> Scores:
     rows, columns, total = pairs(table.sum(1)), pairs(table.sum(0)), pairs(table.sum())
     chance = rows * columns / max(total, 1)
     rand = (pairs(table) - chance) / max((rows + columns) / 2 - chance, 1e-12)
-    return {"clusters": int((table.sum(0) > 0).sum()), "adjusted_rand": rand}
-
-
-def unseen_views(rendered: Path, truth: Path) -> Scores:
-    """PSNR and SSIM in sRGB over the object's pixels.
-
-    psnr_highlights : over the brightest tenth. psnr_inner : away from the borders of materials,
-    which are sharper than the frames' pixels, and from silhouettes.
-    """
-    everywhere, highlights, inner, similar = [], [], [], []
-    project = read_project(truth / "views" / "project.mlp")
-    renderer = _border_renderer(read_mesh(project.meshes[0].path).mesh, truth)
-    for raster in project.rasters:
-        expected, got = (
-            read_image(p)[..., :3].astype(np.float64)
-            for p in (raster.path, rendered / raster.path.name)
-        )
-        on = (np.abs(expected - expected[0, 0]).max(-1) > 2).astype(np.uint8)
-        on = cv2.erode(cv2.morphologyEx(on, cv2.MORPH_CLOSE, _FIVE), _FIVE) > 0
-        border, coverage = renderer.render(raster.camera, 1)
-        inside = cv2.erode(((coverage > 0) & (border[..., 0] == 0)).astype(np.uint8), _FIVE) > 0
-        square, bright = ((expected - got) ** 2).mean(-1), expected.mean(-1)[on]
-        everywhere.append(_psnr(square[on]))
-        highlights.append(_psnr(square[on][bright >= np.quantile(bright, 0.9)]))
-        inner.append(_psnr(square[on & inside]))
-        _, map_ = structural_similarity(expected, got, channel_axis=2, data_range=255, full=True)
-        similar.append(map_.mean(-1)[on].mean())
     return {
-        "psnr": float(np.mean(everywhere)),
-        "psnr_worst": float(min(everywhere)),
-        "psnr_highlights": float(np.mean(highlights)),
-        "psnr_inner": float(np.mean(inner)),
-        "ssim": float(np.mean(similar)),
+        "clusters": int((table.sum(0) > 0).sum()),
+        "labelled": float(ok.sum() / max(inside.sum(), 1)),
+        "adjusted_rand": rand,
     }
-
-
-def _border_renderer(mesh: Mesh, truth: Path) -> AcquisitionRenderer:
-    """Shows white where a material borders on another, black elsewhere."""
-    ids = read_image(truth / "material_id.png")
-    border = cv2.morphologyEx(ids, cv2.MORPH_GRADIENT, _FIVE) > 0
-    white = np.repeat(border[..., None], 3, -1).astype(float)
-    matte = np.full(ids.shape, np.nan)
-    return AcquisitionRenderer(mesh, [Appearance(white, matte, matte, white)], [])
-
-
-def _psnr(square: np.ndarray) -> float:
-    return 10 * math.log10(255**2 / max(float(square.mean()), 1e-9))
 
 
 def _like(image: np.ndarray, truth: Path) -> tuple[np.ndarray, np.ndarray]:

@@ -17,6 +17,7 @@ from benchmarks.scenes.catalogue import CONVEX, SCENES
 from benchmarks.scenes.make import ensure_scene
 from benchmarks.scenes.paint import paint
 from benchmarks.scenes.score import score, seen_lobes
+from benchmarks.scenes.score_environment import environment_picture
 from benchmarks.scenes.shapes import make_shape
 from benchmarks.scenes.variant import Lamp
 from meshlab_svbrdf.document.images import read_exr, read_image, write_exr, write_png
@@ -176,7 +177,15 @@ def test_the_truth_scores_perfectly(tiny, tmp_path):
     assert abs(figures["ln_rho_s_worst"]) < 1e-6
     assert abs(figures["ln_alpha_worst"]) < 1e-6
     assert figures["adjusted_rand"] == pytest.approx(1)
+    assert figures["labelled"] == 1
+    assert figures["env_energy_inside"] > 0.9  # the lamps' rims are dimmer
+    assert figures["env_outside_sr"] == 0
     assert figures["psnr"] > 100
+    assert figures["ssim_highlights"] == pytest.approx(1)
+    environment_picture(tmp_path, truth, tmp_path / "environment.png")
+    picture = read_image(tmp_path / "environment.png")
+    assert picture.shape == (520, 512, 3)
+    assert (picture[:256] == picture[264:]).mean() > 0.98
 
 
 def _write_truth_as_result(truth: Path, folder: Path) -> None:
@@ -187,6 +196,11 @@ def _write_truth_as_result(truth: Path, folder: Path) -> None:
         for e in emitters
     ]
     (folder / "lights.json").write_text(json.dumps({"lights": lights}))
+    (folder / "arrays").mkdir()
+    radiance = read_exr(truth / "env.exr").mean(-1)
+    np.save(folder / "arrays" / "environment_radiance.npy", radiance)
+    np.save(folder / "arrays" / "environment_weight.npy", np.ones_like(radiance))
+    write_exr(folder / "environment.exr", np.clip(radiance, 0, 1))
     diffuse = read_exr(truth / "diffuse_full.exr")
     write_exr(folder / "maps" / "diffuse.exr", diffuse)
     valid = np.isfinite(diffuse).all(-1)

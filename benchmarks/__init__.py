@@ -1,0 +1,1 @@
+"""How accurate the suite is, for how much time: `python -m benchmarks --help`."""

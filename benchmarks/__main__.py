@@ -1,0 +1,145 @@
+"""How near results come to the truth, for how much time, and what each idea buys.
+
+    pip install 'meshlab-svbrdf[benchmark,docs]'
+    python -m benchmarks                          two small scenes, a few minutes
+    python -m benchmarks accuracy [--scene NAME …] [--peers]
+    python -m benchmarks time | ablation | photographs
+    python -m benchmarks photographs RESULT.mlp   of a run with --hold-out
+    python -m benchmarks --all --docs             everything, into the documentation
+
+Scenes are rendered once into the cache. Every row is kept in --out as soon as it is there; the same
+command goes on after an interruption, and measures again what older code made.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from rich.console import Console
+
+from meshlab_svbrdf.document.document import Document
+from meshlab_svbrdf.errors import SvbrdfError
+
+from . import ablation, accuracy, photographs, timing
+from .cases import LONG, PHOTOGRAPHS, Case, available, why_not
+from .documents import write_documents
+from .ledger import Ledger, Row, Task
+from .scenes.catalogue import SCENES
+from .scenes.make import cache_folder
+from .solve import warm_up
+
+PARTS = {part.PART: part for part in (accuracy, timing, ablation, photographs)}
+
+
+def main() -> None:
+    arguments = _arguments()
+    if arguments.result:
+        judge_result(arguments.result)
+        return
+    ledger = Ledger(arguments.out, arguments.old, lambda line: print(line, file=sys.stderr))
+    try:
+        tasks, notes = wanted(arguments, ledger)
+        for note in notes:
+            print(note, file=sys.stderr)
+        if ledger.todo(tasks):
+            warm_up(ledger.work / "warm_up")
+        rows = ledger.rows(tasks)
+    finally:
+        ledger.finish()
+    show(rows)
+    if arguments.json:
+        arguments.json.write_text(json.dumps(rows, indent=1))
+    if arguments.docs:
+        write_documents({part: [r for r in rows if r["part"] == part] for part in PARTS})
+    failed = [row for row in rows if "error" in row]
+    for row in failed:
+        print(f"failed: {row['scene']}, {row['name']}: {row['error']}", file=sys.stderr)
+    sys.exit(1 if failed else 0)
+
+
+def wanted(arguments: argparse.Namespace, ledger: Ledger) -> tuple[list[Task], list[str]]:
+    """What is to be measured, and what of it cannot be."""
+    parts = list(PARTS) if arguments.all else [arguments.part] if arguments.part else []
+    size, peers = arguments.texture_size, arguments.peers
+    tasks: list[Task] = []
+    notes: list[str] = []
+
+    def cases(names: Sequence[str]) -> list[Case]:
+        found, missing = available(arguments.scene or names, arguments.cache)
+        notes.extend(missing)
+        return found
+
+    if not parts:
+        tasks += accuracy.tasks(ledger, cases(accuracy.SMALL), size or 256, ())
+    if accuracy.PART in parts:
+        every = [*SCENES, LONG]
+        tasks += accuracy.tasks(ledger, cases(every), size or 512, peers)
+    if timing.PART in parts:
+        for case in cases(["floods_concave" if why_not(LONG) else LONG]):
+            tasks += timing.tasks(ledger, case, size, peers)
+    if ablation.PART in parts:
+        tasks += ablation.tasks(ledger, arguments.cache, size or 512, arguments.scene)
+    if photographs.PART in parts:
+        tasks += photographs.tasks(ledger, cases([PHOTOGRAPHS]), size)
+    return tasks, list(dict.fromkeys(notes))
+
+
+def show(rows: Sequence[Row]) -> None:
+    console = Console(width=None if sys.stdout.isatty() else 220)
+    for name, part in PARTS.items():
+        own = [row for row in rows if row["part"] == name]
+        for table in part.tables(own) if own else []:
+            console.print(table.rich())
+
+
+def judge_result(path: Path) -> None:
+    """Print how a result of the user's own predicts the frames held out from it."""
+    try:
+        row = {"scene": path.stem, "name": ""} | photographs.predict(Document.open(path))
+    except SvbrdfError as error:
+        raise SystemExit(f"Error: {error}") from None
+    for table in photographs.tables([row]):
+        Console().print(table.rich())
+
+
+def _arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("part", nargs="?", choices=list(PARTS))
+    parser.add_argument("result", nargs="?", type=Path, help="a result to judge (photographs)")
+    parser.add_argument("--all", action="store_true", help="every part")
+    parser.add_argument("--scene", action="append", default=[], metavar="NAME")
+    parser.add_argument("--texture-size", type=int, help="of all runs, where a part has no own")
+    parser.add_argument("--peers", nargs="*", default=(), metavar="NAME",
+                        help="compare with these methods too; without names, with all")  # fmt: skip
+    parser.add_argument("--cache", type=Path, default=cache_folder(), help="of rendered scenes")
+    parser.add_argument("--out", type=Path, default=Path("benchmark_results"))
+    parser.add_argument("--json", type=Path, help="write all rows to one file")
+    parser.add_argument(
+        "--docs", action="store_true", help="write tables and plot into docs/ and README.md"
+    )
+    old = parser.add_mutually_exclusive_group()
+    old.add_argument("--force", dest="old", action="store_const", const="force",
+                     help="measure everything again")  # fmt: skip
+    old.add_argument("--keep", dest="old", action="store_const", const="keep",
+                     help="take rows that older code made")  # fmt: skip
+    parser.set_defaults(old="again")
+    arguments = parser.parse_args()
+    if arguments.result and arguments.part != photographs.PART:
+        parser.error(f"only `{photographs.PART}` judges a result")
+    if arguments.peers == []:
+        from .peers import PEERS  # some need packages that the rest does not
+
+        arguments.peers = list(PEERS)
+    return arguments
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,53 @@
+"""Tables and plot of the benchmark in the documentation, so that every figure is a command's."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from meshlab_svbrdf.presets import PRESETS
+
+from . import ablation, accuracy, photographs, timing
+from .ledger import ROOT, Row
+from .plot import time_plot
+from .tables import Column, Table, splice, table
+
+PAGE, README = ROOT / "docs" / "accuracy.md", ROOT / "README.md"
+PICTURE = ROOT / "docs" / "images" / "accuracy_time.png"
+PARTS = (accuracy, timing, ablation, photographs)
+SHORT = (
+    Column("s", "seconds", "{:.0f}"),
+    Column("light °", "light_deg", "{:.2f}"),
+    Column("ln ρs", "ln_rho_s_worst", "{:+.3f}"),
+    Column("ln α", "ln_alpha_worst", "{:+.3f}"),
+    Column("ΔE mean", "dE_mean", "{:.2f}"),
+    Column("unseen views dB", "psnr", "{:.1f}"),
+    Column("highlights dB", "psnr_highlights", "{:.1f}"),
+)
+
+
+def write_documents(rows: Mapping[str, Sequence[Row]]) -> None:
+    """Fill the parts of docs/accuracy.md and README.md that `rows` has figures for."""
+    splice(PAGE, "presets", presets_table())
+    for part in PARTS:
+        own = rows.get(part.PART)
+        if own:
+            tables = part.tables(own)
+            splice(PAGE, part.PART, "\n\n".join(each.markdown() for each in tables))
+    measured = [row for row in rows.get(timing.PART, ()) if "error" not in row]
+    if measured:
+        time_plot(measured, PICTURE)
+        splice(README, timing.PART, short_table(measured).markdown())
+
+
+def presets_table() -> str:
+    lines = ["| preset | for | sets |", "|---|---|---|"]
+    for name, preset in PRESETS.items():
+        given = ", ".join(f"`{key}={value}`" for key, value in preset.parameters.items())
+        lines.append(f"| `{name}` | {preset.about} | {given or 'nothing: the defaults'} |")
+    return "\n".join(lines)
+
+
+def short_table(rows: Sequence[Row]) -> Table:
+    """Presets, `paper` and peers: what the README shows."""
+    shown = [row for row in rows if row["group"] in (timing.PRESET, timing.PAPER, timing.PEER)]
+    return table(f"On {shown[0]['scene']}", shown, SHORT, scene=False)

@@ -1,0 +1,136 @@
+"""How well photographs that no stage has seen are predicted: PSNR of the held-out frames.
+
+Every 8th photograph by name, starting with the 4th, is held out (`meshlab-svbrdf run --hold-out`).
+For every method alike, one linear gain per channel is fitted to each photograph; PSNR is taken in
+sRGB over the pixels of the object (the mask's, where there is one) whose texel is valid in all
+methods.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from meshlab_svbrdf.document.document import Document
+from meshlab_svbrdf.document.images import read_frame, read_mask
+from meshlab_svbrdf.errors import SvbrdfError
+from meshlab_svbrdf.filters._lights import read_lights
+from meshlab_svbrdf.filters._stages import read_observations
+from meshlab_svbrdf.filters.generate_svbrdf_rendering import read_appearance
+from meshlab_svbrdf.rendering.acquisition import AcquisitionRenderer, Appearance
+from meshlab_svbrdf.samples.luminance import decode, encode
+
+from .cases import Case
+from .ledger import Ledger, Row, Task
+from .peers.statistics import statistic
+from .solve import Setup, solve
+from .tables import Column, Table, table
+
+PART = "photographs"
+NAMES = {
+    "mean": "mean of the samples",
+    "median": "median of the samples",
+    "quantile": "25 % quantile of the samples",
+    "statistical": "diffuse colour (statistical)",
+    "final": "diffuse colour (final)",
+    "full": "diffuse and specular",
+}
+
+
+def tasks(ledger: Ledger, cases: Sequence[Case], texture: int | None) -> list[Task]:
+    """One row a scene; the table has a line a method."""
+    return [
+        Task(PART, case.name, "held out", f"{texture} texels", partial(_predict, case, texture))
+        for case in cases
+    ]
+
+
+def _predict(case: Case, texture: int | None, folder: Path) -> Row:
+    solved = solve(case, Setup(texture=texture), folder, hold_out=True)
+    return predict(solved.document) | solved.cost
+
+
+def predict(document: Document) -> Row:
+    """PSNR of the held-out frames, by method, and the share of the object's pixels judged.
+
+    Raises SvbrdfError where no frame was held out.
+    """
+    if not document.held_out:
+        raise SvbrdfError(f"{document.path}: no frame was held out: run with --hold-out")
+    colors = _colors(document)
+    valid = np.all([np.isfinite(color).all(1) for color in colors.values()], axis=0)
+    methods = {name: _matte(document, color) for name, color in colors.items()}
+    methods["full"] = AcquisitionRenderer(
+        document.mesh(), read_appearance(document), read_lights(document)
+    )
+    observed = _matte(document, np.repeat(valid[:, None], 3, 1).astype(np.float32))
+    found: dict[str, list[float]] = {name: [] for name in methods}
+    shares = []
+    for raster in document.held_out:
+        size = raster.camera.width, raster.camera.height
+        truth = decode(read_frame(raster.path, label=raster.label, size=size) / 255)
+        seen, coverage = observed.render(raster.camera, 1)
+        inside = coverage > 0
+        if raster.mask is not None:
+            inside = read_mask(raster.mask, label=raster.label, size=size)
+        on = inside & (coverage > 0) & (seen[..., 0] > 0.999)
+        shares.append(float(on.sum() / max(inside.sum(), 1)))
+        for name, renderer in methods.items():
+            image = fitted(renderer.render(raster.camera, 1)[0][on], truth[on])
+            error = encode(np.clip(image, 0, 1)) - encode(truth[on])
+            found[name].append(float(-10 * np.log10((error**2).mean())))
+    return {"frames": len(shares), "share": float(np.mean(shares)), "psnr": found}
+
+
+def fitted(rendered: np.ndarray, truth: np.ndarray) -> np.ndarray:
+    """`rendered` (n, 3) times the linear gain per channel that brings it nearest to `truth`."""
+    usable = truth.max(1) < 0.98
+    product, power = (rendered * truth)[usable].sum(0), (rendered**2)[usable].sum(0)
+    return rendered * np.divide(product, power, out=np.ones(3), where=power > 0)
+
+
+def _colors(document: Document) -> dict[str, np.ndarray]:
+    """Each method's colour of the texels, (T, 3), 1 = 255."""
+    observations = read_observations(document, visibility=False)
+    colors = {name: statistic(observations, name) for name in ("mean", "median", "quantile")}
+    colors["statistical"] = document.attribute("diffuse")
+    colors["final"] = document.attribute("final_diffuse")
+    return {name: (color / 100).astype(np.float32) for name, color in colors.items()}
+
+
+def _matte(document: Document, color: np.ndarray) -> AcquisitionRenderer:
+    """Renders a colour of the texels, without highlights."""
+    texels = document.texels()
+    looks = []
+    for image in texels.to_images(color):
+        none = np.full(image.shape[:2], np.nan)
+        looks.append(Appearance(image, none, none, np.ones_like(image)))
+    return AcquisitionRenderer(document.mesh(), looks, [])
+
+
+def tables(rows: Sequence[Row]) -> list[Table]:
+    """One table a scene, its methods in lines."""
+    columns = (
+        Column("dB", lambda row: np.mean(row["psnr"]), "{:.2f}"),
+        Column("worst", lambda row: min(row["psnr"]), "{:.2f}"),
+        Column("above the mean", lambda row: np.mean(row["psnr"]) - row["plain"], "{:+.2f}"),
+    )
+    made = []
+    for row in rows:
+        lines = [row]
+        title = row["scene"]
+        if "error" not in row:
+            values = {name: list(map(float, each)) for name, each in row["psnr"].items()}
+            plain = float(np.mean(values["mean"]))
+            lines = [
+                {"name": NAMES[name], "psnr": each, "plain": plain} for name, each in values.items()
+            ]
+            title += (
+                f": {row['frames']} held-out frames; "
+                f"{row['share']:.1%} of the object's pixels judged"
+            )
+        made.append(table(title, lines, columns, scene=False))
+    return made

@@ -1,0 +1,175 @@
+"""The benchmark's command: its tables, its ledger, and what it declares."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from benchmarks import ablation, photographs, timing
+from benchmarks.cases import VARIABLE, Case, available, why_not
+from benchmarks.documents import PAGE, PARTS, README, presets_table
+from benchmarks.ledger import Ledger, Task
+from benchmarks.scenes.catalogue import SCENES
+from benchmarks.solve import Setup
+from benchmarks.tables import Column, splice, table
+from meshlab_svbrdf.presets import chain
+from meshlab_svbrdf.script import check_script
+
+CHANGES = [(e, c) for e, changes in ablation.CHANGES.items() for c in changes]
+
+
+@pytest.mark.parametrize(("estimator", "change"), CHANGES, ids=lambda x: getattr(x, "settings", x))
+def test_every_option_of_the_ablation_exists_and_differs(estimator, change):
+    changed = chain(estimator, settings=change.parameters)
+    check_script(changed)
+    plain = {step.name: step.parameters for step in chain(estimator)}
+    assert any(step.parameters != plain[step.name] for step in changed)
+    assert set(change.scenes) <= set(SCENES)
+
+
+@pytest.mark.parametrize("texture", [None, 64])
+def test_every_run_of_the_time_part_is_accepted(texture):
+    setups = timing.setups(texture)
+    for _, setup, _ in setups.values():
+        check_script(chain(setup.estimator, setup.preset, setup.settings))
+    assert len({repr(entry) for entry in setups.values()}) == len(setups)
+
+
+# Ledger
+
+
+def task(make, name="row"):
+    return Task("part", "scene", name, "about", make)
+
+
+def quiet(line):
+    """Says nothing."""
+
+
+def test_what_is_there_is_not_measured_again_until_the_code_changes(tmp_path):
+    made = []
+
+    def make(folder):
+        made.append(folder)
+        return {"figure": len(made), "worst": -np.inf, "number": np.float32(1)}
+
+    first = Ledger(tmp_path, say=quiet).rows([task(make)])
+    assert Ledger(tmp_path, say=quiet).rows([task(make)]) == first
+    assert first[0]["worst"] == "-inf"
+    assert first[0]["number"] == 1
+
+    later = Ledger(tmp_path, say=quiet)
+    later.code = "other"
+    assert later.rows([task(make)])[0]["figure"] == 2
+    kept = Ledger(tmp_path, "keep", say=quiet)
+    assert kept.rows([task(make)])[0]["figure"] == 2
+    assert Ledger(tmp_path, "force", say=quiet).rows([task(make)])[0]["figure"] == 3
+    other = Task("part", "scene", "row", "another configuration", make)
+    assert kept.rows([other])[0]["figure"] == 4
+
+
+def test_a_failure_is_a_row_and_is_tried_again(tmp_path, capsys):
+    def fail(folder):
+        folder.mkdir(parents=True)
+        raise ValueError("no light\nat all")
+
+    said = []
+    ledger = Ledger(tmp_path, say=said.append)
+    rows = ledger.rows([task(fail), task(lambda folder: {"figure": 1}, "second")])
+    assert rows[0]["error"] == "ValueError: no light"
+    assert rows[1]["figure"] == 1
+    assert "no light" in said[1]
+    assert "no light" in capsys.readouterr().err
+    assert Ledger(tmp_path, say=quiet).rows([task(lambda folder: {"figure": 2})])[0]["figure"] == 2
+    assert not list(ledger.work.rglob("*row*"))
+    ledger.finish()
+    assert not ledger.work.exists()
+
+
+# Tables
+
+
+def test_tables_write_what_is_missing_infinite_or_failed():
+    columns = (Column("a", "a", "{:+.1f}"), Column("b", lambda row: row["b"], "{}"))
+    rows = [
+        {"scene": "s", "name": "x", "a": "-inf", "b": 0},
+        {"scene": "s", "name": "y", "b": None},
+        {"scene": "s", "name": "z", "error": "broken | glass"},
+    ]
+    made = table("Title", rows, columns, "note")
+    assert made.cells == [
+        ["s", "x", "-∞", "0"], ["s", "y", "–", "–"], ["s", "z", "failed: broken | glass", ""],
+    ]  # fmt: skip
+    lines = made.markdown().splitlines()
+    assert lines[2] == "| scene | result | a | b |"
+    assert all(line.count("|") == 5 for line in lines[2:-2])
+    assert lines[-1] == "note"
+
+
+def test_a_part_of_a_page_is_replaced_and_no_other(tmp_path):
+    page = tmp_path / "page.md"
+    page.write_text("a\n<!-- benchmark: x -->\nold\n<!-- end -->\nb <!-- end -->\n")
+    splice(page, "x", "new \\1")
+    assert page.read_text() == ("a\n<!-- benchmark: x -->\nnew \\1\n<!-- end -->\nb <!-- end -->\n")
+    with pytest.raises(SystemExit, match="y"):
+        splice(page, "y", "")
+
+
+def test_the_documentation_has_a_place_for_every_part():
+    text = PAGE.read_text(encoding="utf-8")
+    for part in PARTS:
+        assert f"<!-- benchmark: {part.PART} -->" in text
+    assert presets_table() in text, "run python -m benchmarks --docs"
+    assert f"<!-- benchmark: {timing.PART} -->" in README.read_text(encoding="utf-8")
+
+
+def test_the_front_holds_what_no_faster_run_equals():
+    rows = [
+        {"name": name, "seconds": s, "e": e}
+        for name, s, e in [("a", 1, 5), ("b", 2, 5), ("c", 3, 4), ("d", 4, 4.5), ("e", 5, None)]
+    ]
+    assert timing.front(rows, "e", 1) == ["a", "c"]
+    assert timing.front(rows, "e", -1) == ["a"]
+    loss = [{"name": "standard", "psnr_highlights": 40.0, "seconds": 1},
+            {"name": "1 frame in 8", "psnr_highlights": 39.5, "seconds": 1}]  # fmt: skip
+    assert "-0.5 dB" in timing.eighth(loss)
+    assert timing.eighth(loss[:1]) == ""
+
+
+# Scenes
+
+
+def test_scenes_that_are_not_there_are_left_out_with_a_reason(monkeypatch, tmp_path):
+    monkeypatch.delenv(VARIABLE, raising=False)
+    cases, notes = available(["knot", "bust_floods"], tmp_path)
+    assert [case.name for case in cases] == ["knot"]
+    assert notes == [f"bust_floods: left out, {VARIABLE} names no folder"]
+    monkeypatch.setenv(VARIABLE, str(tmp_path))
+    assert "is not there" in why_not("mine")
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "mine.mlp").write_text("")
+    assert why_not("mine") == ""
+    assert Case("mine", tmp_path).truth == tmp_path / "mine" / "ground_truth"
+
+
+def test_gains_of_a_photograph_are_fitted_away():
+    rng = np.random.default_rng(1)
+    rendered = rng.uniform(0.05, 0.5, (1000, 3))
+    truth = rendered * [1.5, 0.7, 1.1]
+    truth[:50] = 0.99  # clipped pixels do not count
+    np.testing.assert_allclose(photographs.fitted(rendered, truth)[50:], truth[50:], rtol=1e-12)
+
+
+def test_a_setup_takes_what_is_set_before_its_own(tmp_path):
+    (tmp_path / "s").mkdir()
+    case = Case("s", tmp_path)
+    setup = Setup(texture=64, settings={"compute_svbrdf_texels.texture_size": "32"})
+    assert setup.steps(case)[0].parameters == {"texture_size": "32"}
+
+
+def test_rows_are_plain_json(tmp_path):
+    Ledger(tmp_path, say=quiet).rows([task(lambda folder: {"list": [np.int64(1), np.nan]})])
+    row = json.loads((tmp_path / "part" / "scene.row.json").read_text())
+    assert row["list"] == [1, "nan"]
