@@ -124,9 +124,10 @@ def gloss(document: Document, truth: Path) -> dict[str, Gloss]:
 def psnr(image: np.ndarray, true: np.ndarray) -> tuple[float, float]:
     """dB of 8-bit sRGB pictures over the object's pixels, and over the brightest tenth of them.
 
-    The object is what was rendered on black, off its silhouettes.
+    The object is what was rendered before the even grey of the picture's corner, off silhouettes.
     """
-    on = cv2.erode((image > 0).any(-1).astype(np.uint8), KERNEL) > 0
+    shown = (image != image[0, 0]).any(-1).astype(np.uint8)
+    on = cv2.erode(cv2.morphologyEx(shown, cv2.MORPH_CLOSE, KERNEL), KERNEL) > 0
     error = ((image[on].astype(float) - true[on]) ** 2).mean(-1)
     bright = true[on].mean(-1)
     high = error[bright >= np.quantile(bright, 0.9)]

@@ -57,7 +57,7 @@ def test_it_shows_the_last_estimators_maps(result, views, tmp_path):
     joint, paper = (read_image(tmp_path / name / "view_00.png") for name in ("joint", "paper"))
     assert (joint != paper).any()
     plain = tmp_path / "unshadowed"
-    result.apply(RENDER, cameras=views, folder=plain, shadows=False, background=0)
+    result.apply(RENDER, cameras=views, folder=plain, shadows=False)
     brighter = read_image(plain / "view_00.png").astype(int) - paper
     assert brighter.min() >= 0
     assert brighter.max() > 10
