@@ -86,8 +86,11 @@ def _estimate(ledger: Ledger, case: Case, name: str, setup: Setup, folder: Path)
     base = _base(ledger, case, setup.texture)
     solved = base if name == "joint" else solve(case, setup, folder, base.document.path.parent)
     figures = judge(case, solved, folder)
-    picture = ledger.folder / "pictures" / f"{case.name}.{name.replace(', ', '_')}.png"
-    environment_picture(solved.document.folder, case.truth, picture)
+    picture = (
+        ledger.folder / "pictures" / f"{case.name}.{name.replace(', ', '_').replace(' ', '_')}.png"
+    )
+    if "env_energy_inside" in figures:
+        environment_picture(solved.document.folder, case.truth, picture)
     return figures
 
 

@@ -25,8 +25,10 @@ RING = np.radians(8)
 def environment(result: Path, truth: Path) -> dict[str, Any]:
     """Share of the lamps' energy inside the mask; solid angle of the mask outside the lamps, sr.
 
-    result : NAME.svbrdf; truth : ground_truth
+    result : NAME.svbrdf; truth : ground_truth. Without a true map nothing is said.
     """
+    if not (truth / "env.exr").is_file():
+        return {}
     lamps, _ = _lamps(truth)
     solid = solid_angles(len(lamps))
     mask = cv2.resize(_mask(result), lamps.shape[::-1], interpolation=cv2.INTER_NEAREST) > 0
