@@ -29,8 +29,8 @@ from .sheen_search import (
 )
 from .threshold import MINIMUM_SAMPLES
 
-SIGMAS = np.radians([0, 6, 12, 24])
-"""Priors tried of the mesh normals' error: standard deviation, radians."""
+SIGMAS = np.radians([24, 12, 6, 0])
+"""Priors tried of the mesh normals' error: standard deviation, radians; the most pliable first."""
 WORTHWHILE = 0.1
 """Share of the variance of ln y in unseen frames that sheen must take away."""
 ROUNDS = 4
@@ -73,23 +73,19 @@ def fit_harmonics(
     texel = np.repeat(np.arange(len(counts)), counts)
     n, v = normal[texel], samples.ray
     mirror = 2 * np.einsum("nd,nd->n", n, v)[:, None] * n - v
-    columns = (basis(mirror)[:, 1:] * strength[texel, None]).astype(np.float32)
-    total = np.maximum(np.bincount(texel, weight, len(counts)), 1e-12)
-
-    def centred(values: np.ndarray) -> np.ndarray:
-        return values - (np.bincount(texel, weight * values, len(counts)) / total)[texel]
-
-    means = np.average(columns, axis=0, weights=weight)
-    y = centred(samples.y.astype(np.float64))
-    for k in range(columns.shape[1]):
-        columns[:, k] = centred(columns[:, k])
+    columns = basis(mirror)[:, 1:] * strength[texel, None]
     weighted = columns * weight[:, None]
-    power = (weighted.T @ columns).astype(np.float64)
+    # Eliminate the levels from the normal equations
+    starts = samples.offsets[:-1]
+    w, wy = (np.add.reduceat(x, starts, dtype=float) for x in (weight, weight * samples.y))
+    w = np.maximum(w, 1e-12)
+    sums = np.add.reduceat(weighted, starts)
+    power = weighted.T @ columns - (sums / w[:, None]).T @ sums
+    product = weighted.T @ samples.y - (sums / w[:, None]).T @ wy
     degree = np.floor(np.sqrt(np.arange(1, COEFFICIENTS)))
-    rough = degree * (degree + 1) / 2
-    penalty = SMOOTH * np.trace(power) / len(power) * rough
-    found = np.linalg.solve(power + np.diag(penalty), weighted.T.astype(np.float64) @ y)
-    shift = -(means @ found) / max(np.average(strength[texel], weights=weight), 1e-6)
+    penalty = SMOOTH * np.trace(power) / len(power) * degree * (degree + 1) / 2
+    found = np.linalg.solve(power + np.diag(penalty), product)
+    shift = -(sums.sum(0) @ found) / max(strength @ w, 1e-6)
     return np.concatenate([[shift * np.sqrt(4 * np.pi)], found])
 
 
@@ -121,7 +117,7 @@ def find_sheen(
     material: np.ndarray,
     tried: np.ndarray,
     *,
-    trial_texels: int = 8_000,
+    trial_texels: int = 6_000,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> Sheen | None:
     """The sheen of the materials that are `tried`, where it predicts frames that it has not seen.
@@ -150,18 +146,17 @@ def find_sheen(
     half = _parted(observations)
     weigh(samples, half, noise, weight)
     weigh(samples, ~half, noise, test)
-    before, after = np.empty(len(some)), np.empty(len(some))
-    best, sigma, gains = 0.0, -1.0, np.full(len(tried), np.nan)
+    best, sigma, gains = 0.0, 0.0, np.full(len(tried), np.nan)
     for trial in SIGMAS:
         coefficients, normal, strength = _learn(samples, weight, own, noise, trial)
-        table = harmonic_table(coefficients)
-        unexplained(samples, weight, test, normal, strength, table, before, after)
-        gain = 1 - after.sum() / max(before.sum(), 1e-12)
-        if gain <= best:
-            break
-        best, sigma = gain, float(trial)
-        top, bottom = (np.bincount(material[some], v, len(tried)) for v in (after, before))
-        gains = 1 - np.divide(top, bottom, out=np.full(len(tried), np.nan), where=bottom > 0)
+        model = (normal, strength, harmonic_table(coefficients))
+        if trial == SIGMAS[0] and _explained(samples, weight, weight, *model)[0] < WORTHWHILE:
+            return None
+        gain, before, after = _explained(samples, weight, test, *model)
+        if gain > best:
+            best, sigma = gain, float(trial)
+            top, bottom = (np.bincount(material[some], v, len(tried)) for v in (after, before))
+            gains = 1 - np.divide(top, bottom, out=np.full(len(tried), np.nan), where=bottom > 0)
     kept = gains >= WORTHWHILE
     if not kept.any():
         return None
@@ -195,6 +190,16 @@ def find_sheen(
 
     observations.store.map(work, progress)
     return Sheen(coefficients, out_strength, out_normal, level, gains, sigma)
+
+
+def _explained(
+    samples: Gathered, weight: np.ndarray, test: np.ndarray,
+    normal: np.ndarray, strength: np.ndarray, table: np.ndarray,
+) -> tuple[float, np.ndarray, np.ndarray]:  # fmt: skip
+    """Share of the squared error of constants that the model takes away; both errors per texel."""
+    before, after = (np.empty(len(samples.offsets) - 1) for _ in range(2))
+    unexplained(samples, weight, test, normal, strength, table, before, after)
+    return 1 - float(after.sum() / max(before.sum(), 1e-12)), before, after
 
 
 def _spread(samples: Gathered) -> float:

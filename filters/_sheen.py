@@ -1,0 +1,61 @@
+"""The sheen of materials without a lamp's highlight, in the document."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from meshlab_svbrdf.document.document import Document
+from meshlab_svbrdf.progress import Progress
+from meshlab_svbrdf.reflectance.joint import Material
+from meshlab_svbrdf.reflectance.sheen import Sheen, find_sheen
+from meshlab_svbrdf.samples.observations import with_normals
+
+from ._maps import set_scalar_map
+from ._stages import counted, read_observations
+
+
+def seek_sheen(
+    document: Document, labels: np.ndarray, materials: list[Material], normal: np.ndarray | None,
+    progress: Progress,
+) -> Sheen | None:  # fmt: skip
+    """The sheen of the materials that are unobserved, seen with corrected normals or the mesh's."""
+    tried = np.array([not m.observed for m in materials], bool)
+    if not tried.any():
+        return None
+    observations = read_observations(document, visibility=False)
+    if normal is not None:
+        observations = with_normals(observations, normal)
+    return find_sheen(observations, labels, tried, progress=counted(progress, "sheen"))
+
+
+def set_sheen(document: Document, sheen: Sheen, ids: np.ndarray) -> dict[str, Any]:
+    """Write strengths and normals; what materials.json says of it."""
+    document.set_attribute("sheen", sheen.strength)
+    document.set_attribute("refined_normal", sheen.normal)
+    set_scalar_map(document, "sheen", document.texels(), sheen.strength, shown="sheen")
+    return {
+        "harmonics": sheen.coefficients,
+        "normals_prior_degrees": float(np.degrees(sheen.sigma)),
+        "materials": [
+            {"id": int(k), "gain": float(gain)}
+            for k, gain in zip(ids, sheen.gains, strict=True)
+            if np.isfinite(gain)
+        ],
+    }
+
+
+def sheen_note(sheen: Sheen, ids: np.ndarray, labels: np.ndarray) -> str:
+    """What is said of it in the outcome."""
+    shown = np.isfinite(sheen.strength)
+    having = ids[np.unique(labels[shown])]
+    return (
+        f"sheen of the surroundings on materials {having.tolist()}: takes "
+        f"{np.nanmax(sheen.gains):.0%} of the variance from unseen frames"
+        + (
+            f", normals searched within {2 * np.degrees(sheen.sigma):.0f}°"
+            if sheen.sigma > 0
+            else ""
+        )
+    )
