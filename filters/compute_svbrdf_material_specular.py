@@ -16,10 +16,12 @@ from meshlab_svbrdf.reflectance.estimate import Estimate, estimate
 from meshlab_svbrdf.reflectance.joint import Material
 from meshlab_svbrdf.reflectance.lights import Light
 from meshlab_svbrdf.reflectance.long_lamps import as_seen
+from meshlab_svbrdf.reflectance.microfacet import NAMES, Microfacets
 
 from ._lights import set_lights
 from ._maps import set_diffuse_maps, set_scalar_map
 from ._materials import read_labels
+from ._sheen import seek_sheen, set_sheen, sheen_note
 from ._stages import read_lights_found, read_observations
 
 FILTER = Filter(
@@ -66,6 +68,17 @@ FILTER = Filter(
             "agrees, or keep them.",
         ),
         Parameter(
+            "reflectance", "enum", "auto", choices=("auto", "phong"),
+            help="Describe a material by microfacets (GGX, Beckmann) where they predict samples "
+            "that no fit has seen better than Phong's lobe, or always by the lobe (joint).",
+        ),
+        Parameter(
+            "sheen", "enum", "auto", choices=("auto", "none"),
+            help="Describe materials without observed gloss by what they mirror of their "
+            "surroundings, with normals to match, where that predicts frames that no fit has seen; "
+            "or not (joint).",
+        ),
+        Parameter(
             "ambient", "bool", True,
             help="Take the ambient light's own faint highlight out of D (joint).",
         ),
@@ -102,19 +115,26 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
     dense = np.searchsorted(ids, labels).astype(np.int32)
     dense[labels < 0] = -1
 
-    ambient = None
+    ambient, sheen = None, None
+    microfacets: list[Microfacets | None] = [None] * len(ids)
     if parameters.estimator == "paper":
         materials = [_bell(document, dense == m, parameters) for m in range(len(ids))]
         notes = []
     else:
         found = _joint(document, dense, ids, lights, diffuse, parameters, progress)
         materials, notes, lights = found.materials, found.notes, found.lights
-        diffuse = found.diffuse
+        diffuse, microfacets = found.diffuse, found.microfacets
         if found.ambient.any():
             ambient = found.ambient
             document.set_attribute("ambient_highlight", found.ambient_highlight)
         if found.normal is not None:
             document.set_attribute("refined_normal", found.normal)
+        if parameters.sheen == "auto":
+            sheen = seek_sheen(document, dense, materials, found.normal, progress.part(0.95, 1))
+    if sheen is not None:
+        shown = np.isfinite(sheen.level[:, 0])
+        diffuse = np.where(shown[:, None], sheen.level, diffuse)
+        notes = [*notes, sheen_note(sheen, ids, dense)]
 
     # Write maps, materials and lights; the maps hold what is seen, as under compact lamps
     seen = np.array([as_seen(m.rho_s, m.alpha, lights) for m in materials] + [(np.nan, np.nan)])
@@ -131,9 +151,11 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
         {
             "estimator": parameters.estimator,
             "materials": [
-                _entry(int(k), m, s) for k, m, s in zip(ids, materials, seen[:-1], strict=True)
+                _entry(int(k), m, s, other)
+                for k, m, s, other in zip(ids, materials, seen[:-1], microfacets, strict=True)
             ],
             "notes": notes,
+            "sheen": None if sheen is None else set_sheen(document, sheen, ids),
         },
     )
     return _outcome(parameters.estimator, ids, materials, lights, notes)
@@ -153,7 +175,8 @@ def _joint(
         correct_normals=parameters.normals == "auto", rounds=parameters.rounds,
         samples=parameters.samples, near=parameters.near, long=parameters.long,
         censoring=parameters.censoring, curvature=parameters.curvature,
-        ambient=parameters.ambient, sharp=parameters.sharp, ids=ids, progress=progress,
+        ambient=parameters.ambient, sharp=parameters.sharp,
+        microfacets=parameters.reflectance == "auto", ids=ids, progress=progress,
     )  # fmt: skip
 
 
@@ -182,14 +205,21 @@ def _footprint(document: Document, texels: Texels) -> float:
     return float(np.median(sizes)) / texels.radius
 
 
-def _entry(identity: int, material: Material, seen: np.ndarray) -> dict:
-    return {
+def _entry(identity: int, material: Material, seen: np.ndarray, other: Microfacets | None) -> dict:
+    entry = {
         "id": identity, "rho_s": seen[0] / 100, "alpha": seen[1],
         "rho_s_lobe": material.rho_s / 100, "alpha_lobe": material.alpha,
         "texels": material.texels, "observed": material.observed, "reason": material.reason,
         "specular_color": material.color, "z": material.z, "ln_alpha_interval": material.width,
         "explained_variance": material.explained,
     }  # fmt: skip
+    if other is not None:
+        entry["reflectance"] = {
+            "model": NAMES[other.kind], "strength": other.strength / 100,
+            "roughness": other.roughness, "f0": other.f0, "color": other.color,
+            "gain_db": other.gain_db,
+        }  # fmt: skip
+    return entry
 
 
 def _outcome(estimator: str, ids, materials: list[Material], lights, notes: list[str]) -> str:

@@ -12,10 +12,12 @@ from meshlab_svbrdf.document.project import read_project
 from meshlab_svbrdf.errors import SvbrdfError
 from meshlab_svbrdf.filter import Filter, Namespace, Parameter
 from meshlab_svbrdf.progress import Progress
+from meshlab_svbrdf.reflectance.microfacet import NAMES, PHONG
 from meshlab_svbrdf.rendering.acquisition import AcquisitionRenderer, Appearance
 from meshlab_svbrdf.samples.luminance import decode, to_srgb8
 
 from ._lights import read_lights
+from ._sheen import read_sheen
 from ._stages import UNOBSERVED_GREY
 
 FILTER = Filter(
@@ -36,12 +38,17 @@ FILTER = Filter(
         ),
         Parameter("shadows", "bool", True, help="Whether the object shades its own highlights."),
         Parameter(
+            "reflectance", "enum", "best", choices=("best", "phong"),
+            help="Microfacets where they describe a material better, or Phong's lobe everywhere. D "
+            "stays the best one's.",
+        ),
+        Parameter(
             "background", "int", UNOBSERVED_GREY, minimum=0, maximum=255,
             help="The grey around the object, an sRGB code.",
         ),
     ),
-    help="Renders D + Σ ρ g V (l·r)^α with near lights and shadows, on grey. D holds the lights' "
-    "shading: it is not shaded again.",
+    help="Renders D + Σ ρ g V (l·r)^α, or microfacets' highlights, with near lights and shadows, "
+    "on grey. D holds the lights' shading: it is not shaded again.",
     reference="Palma et al. 2012, eq. 1",
 )  # fmt: skip
 
@@ -58,8 +65,9 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
             f"{project.path}: two rasters have the same file name, and would overwrite each other"
         )
     renderer = AcquisitionRenderer(
-        document.mesh(), read_appearance(document), read_lights(document), parameters.shadows
-    )
+        document.mesh(), read_appearance(document, parameters.reflectance == "best"),
+        read_lights(document), parameters.shadows,
+    )  # fmt: skip
     folder = Path(parameters.folder)
     folder.mkdir(parents=True, exist_ok=True)
     grey = float(decode(np.array(parameters.background / 255)))
@@ -69,20 +77,28 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
     return f"{len(names)} views in {folder}"
 
 
-def read_appearance(document: Document) -> list[Appearance]:
-    """The last estimator's maps, one entry per texture; D with the ambient light's highlight."""
+def read_appearance(document: Document, microfacets: bool = True) -> list[Appearance]:
+    """The last estimator's maps, one entry per texture; D with the ambient light's highlight.
+
+    microfacets : whether they stand for Phong's lobe where they describe a material better
+    """
     materials = document.json("materials")["materials"]
     labels = document.attribute("material")
-    table = np.full((max((m["id"] for m in materials), default=0) + 2, 5), np.nan)
+    table = np.full((max((m["id"] for m in materials), default=0) + 2, 7), np.nan)
+    table[:, 2:] = [PHONG, 0, 1, 1, 1]
     for m in materials:
+        found = m.get("reflectance") if microfacets else None
         table[m["id"]] = [
-            m["rho_s_lobe"] or np.nan,
-            m["alpha_lobe"] or np.nan,
-            *m["specular_color"],
-        ]
+            m["rho_s_lobe"] or np.nan, m["alpha_lobe"] or np.nan, PHONG, 0, *m["specular_color"],
+        ] if found is None else [
+            found["strength"] * found["f0"], found["roughness"], NAMES.index(found["model"]),
+            found["strength"] * (1 - found["f0"]), *found["color"],
+        ]  # fmt: skip
     texels = document.texels()
     rho_s, alpha = (texels.to_images(column) for column in table[labels, :2].T)
-    tints = texels.to_images(np.nan_to_num(table[labels, 2:], nan=1.0), 1.0)
+    kind = texels.to_images(table[labels, 2].astype(np.int64), PHONG)
+    grazing = texels.to_images(table[labels, 3], 0.0)
+    tints = texels.to_images(table[labels, 4:], 1.0)
     normals: list[np.ndarray | None] = [None] * len(tints)
     if "refined_normal" in document.attributes():
         normals = [*texels.to_images(document.attribute("refined_normal"))]
@@ -93,5 +109,6 @@ def read_appearance(document: Document) -> list[Appearance]:
     if "ambient_highlight" in document.attributes():
         ambient = texels.to_images(document.attribute("ambient_highlight") / np.float32(100), 0)
         diffuse = [d + a for d, a in zip(diffuse, ambient, strict=True)]
-    maps = (diffuse, rho_s, alpha, tints, normals, inside)
-    return [Appearance(*each) for each in zip(*maps, strict=True)]
+    sheen, harmonics = read_sheen(document)
+    maps = (diffuse, rho_s, alpha, tints, normals, inside, kind, grazing, sheen)
+    return [Appearance(*each, harmonics) for each in zip(*maps, strict=True)]

@@ -12,7 +12,9 @@ from .diffuse_refit import refit_diffuse
 from .finish import finish_diffuse
 from .joint import Material, fit
 from .lights import Light
+from .microfacet import Microfacets
 from .missed_lights import complete_lights
+from .models import Models, choose_models, described
 from .normal_refinement import refine_normals
 
 CORRECTIONS = 2
@@ -28,6 +30,7 @@ class Estimate:
     ambient : (3,) radiance from everywhere, for lamps of mean gain 1; 0 where it is not seen
     ambient_highlight : (T, 3) float32, 0..100, what it adds to D by its highlight
     normal : (T, 3) float32, corrected; None where they are kept
+    microfacets : one per material, where they describe it better than Phong's lobe; D is theirs
     notes : what is to be said about it
     """
 
@@ -37,6 +40,7 @@ class Estimate:
     ambient: np.ndarray
     ambient_highlight: np.ndarray
     normal: np.ndarray | None
+    microfacets: list[Microfacets | None]
     notes: list[str]
 
 
@@ -51,6 +55,7 @@ def estimate(
     correct_normals: bool = True,
     ambient: bool = True,
     sharp: bool = True,
+    microfacets: bool = True,
     progress: Callable[[float, str], None] = lambda share, what: None,
     **options,
 ) -> Estimate:
@@ -62,6 +67,7 @@ def estimate(
     diffuse : (T, 3), the statistical D; it stays where a material is unobserved
     turn, footprint, options : see `joint.fit`
     ambient, sharp : whether the ambient light's highlight and the pixels' blur are taken out of D
+    microfacets : whether they may describe a material instead of Phong's lobe
     """
 
     def part(start: float, stop: float, what: str) -> Callable[[int, int], None]:
@@ -76,8 +82,8 @@ def estimate(
             progress=part(step * k, step * (k + 0.5), "fitting"),
         )  # fmt: skip
         lights = found.lights
-        columns = [(m.rho_s, m.alpha, m.noise, *m.color) for m in found.materials]
-        rho_s, alpha, noise, *color = np.array(columns).reshape(-1, 6).T
+        columns = [(m.rho_s, m.alpha, m.noise) for m in found.materials]
+        rho_s, alpha, noise = np.array(columns).reshape(-1, 3).T
         if not correct_normals or k == CORRECTIONS:
             break
         better = refine_normals(
@@ -92,15 +98,23 @@ def estimate(
         )
         corrected = better.normal
         observations = with_normals(observations, corrected)
+    chosen = Models([None] * len(found.materials), found.materials, lights, [])
+    if microfacets:
+        progress(0.75, "microfacets")
+        chosen = choose_models(
+            observations, material, found.materials, lights, turn, footprint, **options
+        )
+    gloss, tint = described(chosen.materials, chosen.microfacets)
     refitted = refit_diffuse(
-        observations, diffuse, material, rho_s, alpha, np.transpose(color), lights,
-        part(0.75, 0.9, "diffuse colour"),
+        observations, diffuse, material, gloss, tint, chosen.lights,
+        part(0.8, 0.9, "diffuse colour"),
     )  # fmt: skip
+    rho_s, alpha = np.array([(m.rho_s, m.alpha) for m in chosen.materials]).reshape(-1, 2).T
     done = finish_diffuse(
-        observations, refitted, material, rho_s, alpha, np.transpose(color), lights,
+        observations, refitted, material, rho_s, alpha, tint, chosen.lights,
         ambient=ambient, sharp=sharp,
     )  # fmt: skip
     return Estimate(
-        found.materials, lights, done.diffuse, done.ambient, done.highlight, corrected,
-        notes + found.notes + done.notes,
+        chosen.materials, chosen.lights, done.diffuse, done.ambient, done.highlight, corrected,
+        chosen.microfacets, notes + found.notes + chosen.notes + done.notes,
     )  # fmt: skip

@@ -1,5 +1,7 @@
 """The object as it was lit when it was filmed: D + Σ_k ρ g_k V_k (l_k·r)₊^α, from any camera.
 
+Where microfacets describe a material better, their highlights stand for the lobe.
+
 D holds the lights' shading already, so it is never shaded again. Lights may stand near, and what
 stands between a light and the surface takes its highlight away.
 """
@@ -14,10 +16,12 @@ from numba import njit
 
 from ..geometry.camera import Camera
 from ..geometry.gutters import fill_gutters
+from ..geometry.harmonics import basis
 from ..geometry.mesh import Mesh
 from ..geometry.raster import rasterise
 from ..geometry.visibility import Rays, directional_visibility
 from ..reflectance.lights import Light
+from ..reflectance.microfacet import PHONG, facets
 from ..reflectance.phong import lamps
 
 AT_ONCE = 1 << 19
@@ -36,6 +40,10 @@ class Appearance:
     normal : (H, W, 3) world, NaN outside the charts; or None: the mesh's own
     inside : (H, W) bool, the charts: what lies outside takes its nearest neighbour's gloss; or
         None: all of the image
+    kind, grazing : (H, W), microfacets' as in `microfacet.Gloss`, whose facing is in rho_s and
+        whose roughness in alpha; or None: Phong's lobe everywhere
+    sheen : (H, W), the strength s of what it mirrors of its surroundings, NaN for none; harmonics :
+        (36,) of ℓ: D is multiplied by exp(s ℓ(r)) (reflectance/sheen.py); or None
     """
 
     diffuse: np.ndarray
@@ -44,6 +52,10 @@ class Appearance:
     tint: np.ndarray
     normal: np.ndarray | None = None
     inside: np.ndarray | None = None
+    kind: np.ndarray | None = None
+    grazing: np.ndarray | None = None
+    sheen: np.ndarray | None = None
+    harmonics: np.ndarray | None = None
 
 
 @njit(cache=True, nogil=True)
@@ -65,6 +77,30 @@ def _barycentric(points, faces, fx, fy, cx, cy, rows, cols, face, out):
             total += e[i]
         for i in range(3):
             out[n, i] = e[i] / total
+
+
+@njit(cache=True, nogil=True)
+def _highlight(kind, facing, grazing, shape, normal, view, toward, gain, out):
+    """What one light of `gain` adds by its highlight; toward (N, 3) is L, not of unit length."""
+    for n in range(len(out)):
+        out[n] = 0.0
+        if not facing[n] + grazing[n] > 0:
+            continue
+        nl, nv, lv, length2 = 0.0, 0.0, 0.0, 0.0
+        for a in range(3):
+            nl += normal[n, a] * toward[n, a]
+            nv += normal[n, a] * view[n, a]
+            lv += view[n, a] * toward[n, a]
+            length2 += toward[n, a] * toward[n, a]
+        scale = 1.0 / np.sqrt(length2)
+        nl, lv = nl * scale, lv * scale
+        if nl <= 0:
+            continue
+        if kind[n] == PHONG:
+            out[n] = facing[n] * gain / length2 * max(2.0 * nv * nl - lv, 0.0) ** shape[n]
+        elif nv > 1e-3 and nl > 1e-3:
+            value, fresnel = facets(kind[n], shape[n], nl, nv, lv)
+            out[n] = gain / length2 * value * (facing[n] + grazing[n] * fresnel)
 
 
 def _bilinear(image: np.ndarray, col: np.ndarray, row: np.ndarray) -> np.ndarray:
@@ -145,6 +181,8 @@ class AcquisitionRenderer:
         # Look up what it is made of
         diffuse, tint = np.zeros((len(face), 3)), np.zeros((len(face), 3))
         rho_s, alpha = np.zeros(len(face)), np.ones(len(face))
+        kind, grazing = np.full(len(face), PHONG), np.zeros(len(face))
+        sheen, harmonics = np.zeros(len(face)), None
         for index, look in enumerate(self.appearance):
             on = self.texture[face] == index
             height, width = look.rho_s.shape
@@ -155,23 +193,29 @@ class AcquisitionRenderer:
                 np.clip(np.rint(col).astype(int), 0, width - 1),
             )
             rho_s[on], alpha[on], tint[on] = look.rho_s[near], look.alpha[near], look.tint[near]
+            if look.kind is not None and look.grazing is not None:
+                kind[on], grazing[on] = look.kind[near], look.grazing[near]
             if look.normal is not None:
                 normal[on] = _bilinear(look.normal, col, row)
+            if look.sheen is not None:
+                sheen[on], harmonics = _bilinear(look.sheen, col, row), look.harmonics
         normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
 
-        # Add the highlights of the lights that are seen
+        # Brighten D by what it mirrors of its surroundings
         view = camera.center - position
         view /= np.linalg.norm(view, axis=1, keepdims=True)
-        mirror = 2 * np.einsum("nd,nd->n", normal, view)[:, None] * normal - view
-        specular = np.zeros(len(face))
+        mirroring = np.flatnonzero(sheen)
+        if harmonics is not None and len(mirroring):
+            n, v = normal[mirroring], view[mirroring]
+            mirror = 2 * np.einsum("nd,nd->n", n, v)[:, None] * n - v
+            diffuse[mirroring] *= np.exp(sheen[mirroring] * (basis(mirror) @ harmonics))[:, None]
+
+        # Add the highlights of the lights that are seen
+        specular, amount = np.zeros(len(face)), np.empty(len(face))
         bulbs = lamps(self.lights, self.radius)
         for k, (direction, gain) in enumerate(zip(bulbs.direction, bulbs.gain, strict=True)):
             toward = direction - bulbs.curvature[k] / self.radius * position
-            length2 = np.einsum("nd,nd->n", toward, toward)
-            toward /= np.sqrt(length2)[:, None]
-            cos = np.einsum("nd,nd->n", toward, mirror)
-            above = np.einsum("nd,nd->n", toward, normal) > 0
-            amount = np.where(above, rho_s * gain / length2 * np.maximum(cos, 0) ** alpha, 0)
+            _highlight(kind, rho_s, grazing, alpha, normal, view, toward, gain, amount)
             amount[amount < NEGLIGIBLE] = 0
             lit = np.flatnonzero(amount)
             if self.shadows and len(lit):
@@ -197,4 +241,8 @@ def _filled(look: Appearance) -> Appearance:
         np.nan_to_num(fill_gutters(look.alpha, inside), nan=1.0),
         fill_gutters(look.tint, inside),
         normal,
+        kind=None if look.kind is None else fill_gutters(look.kind, inside),
+        grazing=None if look.grazing is None else fill_gutters(look.grazing, inside),
+        sheen=None if look.sheen is None else np.nan_to_num(fill_gutters(look.sheen, inside)),
+        harmonics=look.harmonics,
     )

@@ -25,6 +25,7 @@ from meshlab_svbrdf.reflectance.environment import environment_map
 from meshlab_svbrdf.reflectance.fit_state import _predict, _reweigh, huber_scale
 from meshlab_svbrdf.reflectance.joint import _settle, fit
 from meshlab_svbrdf.reflectance.lights import lights_by_peaks, tangents
+from meshlab_svbrdf.reflectance.models import described
 from meshlab_svbrdf.reflectance.threshold import luminance_threshold
 
 T, F = 2500, 160
@@ -405,8 +406,8 @@ def test_from_samples_to_lights_materials_and_diffuse_colour(shoot):
     assert_lights(found, LIGHTS)
     assert_materials(found, scene, 0.03)
     refit = refit_diffuse(
-        o, diffuse, scene.material, [m.rho_s for m in found.materials],
-        [m.alpha for m in found.materials], np.ones((2, 3)), found.lights,
+        o, diffuse, scene.material, described(found.materials, [None] * 2)[0], np.ones((2, 3)),
+        found.lights,
     )  # fmt: skip
     seen = statistics.observed
     before, after = (np.abs(d[seen] / scene.diffuse[seen] - 1) for d in (diffuse, refit))
