@@ -13,25 +13,23 @@ import numpy as np
 from numba import njit
 
 from .fit_samples import FitSamples
+from .pixel_blur import along_and_across, blurred_lobe
 
-_CHAINS = 3  # shininesses per octave; each chain goes on by squaring
-_OCTAVES = 11
-ALPHAS = 2.0 ** (np.arange(_CHAINS * _OCTAVES + 1) / _CHAINS)
+ALPHAS = 2.0 ** (np.arange(34) / 3)
 """The grid: 1 to 2048, three an octave."""
 REACH = 3
 """Cells to both sides of a shininess that is already known."""
 
 
 @njit(cache=True, nogil=True)
-def _add_lobes(cos, gain, first, wide, height, phi):
-    """Add gain·height·cos^wide to phi, from `first` on; returns how many count."""
-    lc = np.log(min(cos, np.float32(1)))
-    for a in range(first, len(phi)):
-        e = lc * wide[a]
-        if e < -14.0:
+def _add_lobes(u1, u2, s1, s2, gain, start, end, phi):
+    """Add gain times the lobe of every α of the grid from start to end; returns how many count."""
+    for a in range(start, end):
+        value = blurred_lobe(ALPHAS[a], u1, u2, s1, s2)
+        if value == 0.0:
             return a
-        phi[a] += gain * height[a] * np.exp(e)
-    return len(phi)
+        phi[a] += gain * value
+    return end
 
 
 @njit(cache=True, nogil=True)
@@ -39,7 +37,6 @@ def _eliminate(first, stop, offsets, material, y, w, mirror, blur, rays, gains, 
     """Add N, Q, T of the texels first..stop to sums (M, 3, A)."""
     count = sums.shape[2]
     phi, sp, spy, spp = np.empty(count), np.empty(count), np.empty(count), np.empty(count)
-    wide, height = np.empty(count), np.empty(count)
     for i in range(first, stop):
         if offsets[i] == offsets[i + 1]:
             continue
@@ -52,7 +49,7 @@ def _eliminate(first, stop, offsets, material, y, w, mirror, blur, rays, gains, 
                 continue
             d = np.float64(y[j] - origin)
             sw, sy, syy = sw + w[j], sy + w[j] * d, syy + w[j] * d * d
-            used = 0
+            used, s1 = 0, 0.0
             for k in range(gains.shape[1]):
                 if gains[i, k] > 0:
                     cos = (
@@ -62,13 +59,13 @@ def _eliminate(first, stop, offsets, material, y, w, mirror, blur, rays, gains, 
                     )
                     if cos > 0.01:
                         if used == 0:
-                            for a in range(start, end):
-                                height[a] = 1.0 / (1.0 + ALPHAS[a] * blur[j])
-                                wide[a] = ALPHAS[a] * height[a]
-                                phi[a] = 0.0
-                        used = max(
-                            used, _add_lobes(cos, gains[i, k], start, wide[:end], height, phi[:end])
+                            phi[start:end] = 0.0
+                            s1 = blur[j, 0] ** 2 + blur[j, 1] ** 2 + blur[j, 2] ** 2
+                        u1, u2 = along_and_across(
+                            cos, blur[j, 0], blur[j, 1], blur[j, 2], rays[i, k], s1
                         )
+                        last = _add_lobes(u1, u2, s1, blur[j, 3], gains[i, k], start, end, phi)
+                        used = max(used, last)
             for a in range(start, used):
                 wp = w[j] * phi[a]
                 sp[a] += wp

@@ -30,7 +30,7 @@ class FitSamples:
     texel : (n,) indices; material : (n,) int32; offsets : (n+1,) int64
     luminance : (N,) float32, 0..100; rgb : (N, 3) float32; quality : (N,) float32
     clipped : (N,) bool; mirror : (N, 3) float32, mirror directions
-    blur : (N,) float32, what their pixels add to 1/α
+    blur : (N, 4) float32, how far their pixels spread the mirror direction, from `pixel_blur`
     """
 
     texel: np.ndarray
@@ -72,7 +72,9 @@ def _collect(
                 view, chosen[c], block.frame[j]
             )
             if len(shape):
-                blur[n] = pixel_blur(view, pixel, shape[chosen[c]], chosen[c], block.frame[j])
+                blur[n, 0], blur[n, 1], blur[n, 2], blur[n, 3] = pixel_blur(
+                    view, pixel, shape[chosen[c]], chosen[c], block.frame[j]
+                )
             n += 1
 
 
@@ -86,7 +88,7 @@ def collect(observations: Observations, texel: np.ndarray, material: np.ndarray)
     total = int(offsets[-1])
     columns = (
         np.empty(total, np.float32), np.empty((total, 3), np.float32), np.empty(total, np.float32),
-        np.empty(total, bool), np.empty((total, 3), np.float32), np.zeros(total, np.float32),
+        np.empty(total, bool), np.empty((total, 3), np.float32), np.zeros((total, 4), np.float32),
     )  # fmt: skip
 
     def work(block):

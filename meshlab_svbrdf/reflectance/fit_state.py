@@ -12,7 +12,21 @@ from ..samples.observations import Observations
 from .elimination import Profile, eliminate, profile
 from .fit_samples import FitSamples
 from .lights import Light
-from .phong import cast_shadows, lamps, light_texels, lobe
+from .phong import cast_shadows, lamps, light_texels
+from .pixel_blur import along_and_across, blurred_lobe
+
+
+@njit(cache=True, nogil=True)
+def sample_lobe(r, blur, rays, gains, alpha):
+    """φ = Σ_k g_k V_k (l_k·r)₊^α of one sample, blurred by its pixel."""
+    s1, total = blur[0] * blur[0] + blur[1] * blur[1] + blur[2] * blur[2], 0.0
+    for k in range(len(gains)):
+        if gains[k] > 0:
+            cos = rays[k, 0] * r[0] + rays[k, 1] * r[1] + rays[k, 2] * r[2]
+            if cos > 0:
+                u1, u2 = along_and_across(cos, blur[0], blur[1], blur[2], rays[k], s1)
+                total += gains[k] * blurred_lobe(alpha, u1, u2, s1, blur[3])
+    return total
 
 
 @njit(cache=True, nogil=True)
@@ -26,14 +40,7 @@ def _predict(
         for j in range(offsets[i], offsets[i + 1]):
             s = 0.0
             if rho[m] > 0:
-                kept = 1.0 / (1.0 + alpha[m] * blur[j])
-                s = (
-                    kept
-                    * rho[m]
-                    * lobe(
-                        mirror[j, 0], mirror[j, 1], mirror[j, 2], rays[i], gains[i], kept * alpha[m]
-                    )
-                )
+                s = rho[m] * sample_lobe(mirror[j], blur[j], rays[i], gains[i], alpha[m])
             specular[j] = s
             weight = w[j] / (1.0 + (s * 0.1) ** 2)
             top += weight * (y[j] - s)

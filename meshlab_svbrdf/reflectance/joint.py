@@ -30,6 +30,9 @@ FARTHEST = 0.01
 """κ below which a light is far: it stands a hundred radii away."""
 WEAKEST = 0.05
 """Of the strongest gain, below which a light is none."""
+RENEWED = 2
+"""The round before which all texels are chosen, since it is known how flat they must be; the rounds
+before make do with a quarter."""
 SETTLE = 3
 """The round after which it is decided which lights there are, and which of them are far."""
 STILL = 1e-3
@@ -134,15 +137,14 @@ def fit(
 
     most, samples = samples, _affordable(samples, lights)
     with ThreadPoolExecutor(thread_count()) as pool:
-        state = gather(pool, samples)
+        state = gather(pool, samples // 4)
         free, error = np.full(len(lights), near), np.zeros(len(lights))
         for r in range(rounds):
             state.light(lights)
-            if r == 2:
-                # Choose the texels anew, now that it is known how flat they must be
+            if r == RENEWED:
                 state = renewed(pool)
             # Find ρs and α of every material under the present lights
-            profiles = state.profiles(alpha if r > 2 else None)
+            profiles = state.profiles(None if r in (0, RENEWED) else alpha)
             rho = np.array([p.rho_s for p in profiles])
             alpha = np.array([p.alpha for p in profiles])
             # Weigh the samples by their residuals, then move the lights

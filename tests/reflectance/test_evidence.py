@@ -34,7 +34,7 @@ def case(tint=(1, 1, 1), noise=0.5, texels=60, per=30, rho=20.0, seed=0, materia
     samples = FitSamples(
         np.arange(texels), material, np.arange(texels + 1) * per, y.astype(np.float32),
         rgb.astype(np.float32), np.ones(n, np.float32), np.zeros(n, bool),
-        np.zeros((n, 3), np.float32), np.zeros(n, np.float32),
+        np.zeros((n, 3), np.float32), np.zeros((n, 4), np.float32),
     )  # fmt: skip
     residual = error @ REC709
     return (
