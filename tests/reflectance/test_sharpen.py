@@ -57,9 +57,9 @@ def test_footprints_turn_with_the_world(tmp_path):
 
 def test_noise_is_the_standard_error_of_the_mean(tmp_path):
     rng = np.random.default_rng(0)
-    luminance = 30 + 4 * rng.standard_normal((50, 400))
+    luminance = 30 + 4 * rng.standard_normal((400, 400))
     codes = np.repeat(to_srgb8(luminance / 100)[..., None], 3, -1)
-    texels = free_texels(np.zeros((50, 3)), np.tile([0, 0, 1.0], (50, 1)))
+    texels = free_texels(np.zeros((400, 3)), np.tile([0, 0, 1.0], (400, 1)))
     _, noise = footprints(seen_from(tmp_path, np.tile([[0, 0, 3.0]], (400, 1)), codes, texels))
     assert np.median(noise) == pytest.approx(4 / np.sqrt(400), rel=0.03)
 
