@@ -59,3 +59,12 @@ def sheen_note(sheen: Sheen, ids: np.ndarray, labels: np.ndarray) -> str:
             else ""
         )
     )
+
+
+def read_sheen(document: Document) -> tuple[list[np.ndarray | None], np.ndarray | None]:
+    """Images of the strength, one per texture, and the harmonics; None where there is no sheen."""
+    texels = document.texels()
+    if "sheen" not in document.attributes():
+        return [None] * len(texels.sizes), None
+    harmonics = np.array(document.json("materials")["sheen"]["harmonics"])
+    return [*texels.to_images(document.attribute("sheen"))], harmonics

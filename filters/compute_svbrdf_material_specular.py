@@ -121,7 +121,8 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
         materials = [_bell(document, dense == m, parameters) for m in range(len(ids))]
         notes = []
     else:
-        found = _joint(document, dense, ids, lights, diffuse, parameters, progress)
+        early = progress.part(0, 0.95)
+        found = _joint(document, dense, ids, lights, diffuse, parameters, early)
         materials, notes, lights = found.materials, found.notes, found.lights
         diffuse, microfacets = found.diffuse, found.microfacets
         if found.ambient.any():

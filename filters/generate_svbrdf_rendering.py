@@ -110,5 +110,6 @@ def read_appearance(document: Document, microfacets: bool = True) -> list[Appear
         ambient = texels.to_images(document.attribute("ambient_highlight") / np.float32(100), 0)
         diffuse = [d + a for d, a in zip(diffuse, ambient, strict=True)]
     sheen, harmonics = read_sheen(document)
-    maps = (diffuse, rho_s, alpha, tints, normals, inside, kind, grazing, sheen)
-    return [Appearance(*each, harmonics) for each in zip(*maps, strict=True)]
+    every = [harmonics] * len(sheen)
+    maps = (diffuse, rho_s, alpha, tints, normals, inside, kind, grazing, sheen, every)
+    return [Appearance(*each) for each in zip(*maps, strict=True)]

@@ -198,7 +198,8 @@ class AcquisitionRenderer:
             if look.normal is not None:
                 normal[on] = _bilinear(look.normal, col, row)
             if look.sheen is not None:
-                sheen[on], harmonics = _bilinear(look.sheen, col, row), look.harmonics
+                sheen[on] = _bilinear(look.sheen[..., None], col, row)[:, 0]
+                harmonics = look.harmonics
         normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
 
         # Brighten D by what it mirrors of its surroundings
