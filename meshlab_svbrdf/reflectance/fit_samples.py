@@ -46,6 +46,11 @@ class FitSamples:
     def __len__(self) -> int:
         return len(self.luminance)
 
+    @property
+    def mean_blur(self) -> np.ndarray:
+        """Variance by which pixels spread the mirror direction, mean of both axes, (N,)."""
+        return 0.5 * (np.einsum("na,na->n", self.blur[:, :3], self.blur[:, :3]) + self.blur[:, 3])
+
 
 @njit(cache=True, nogil=True)
 def is_clipped(block, view, j):

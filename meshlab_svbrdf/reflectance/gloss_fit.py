@@ -88,7 +88,7 @@ def eliminate_gloss(state: FitState, kind: np.ndarray, shape: np.ndarray) -> np.
         sums = np.zeros((state.materials, 6))
         _sums(
             first, stop, s.offsets, s.material, normal, s.luminance, state.weight, s.mirror,
-            s.blur, state.rays, state.gains, kind, shape, sums,
+            s.mean_blur, state.rays, state.gains, kind, shape, sums,
         )  # fmt: skip
         return sums
 
@@ -113,7 +113,7 @@ def highlights(state: FitState, gloss: Gloss, rays: np.ndarray, gains: np.ndarra
     s, out = state.samples, np.empty(len(state.samples), np.float32)
     normal = state.observations.view.normal[s.texel]
     state.chunks(lambda a, b: _specular(
-        a, b, s.offsets, s.material, normal, s.mirror, s.blur, rays, gains, gloss, out
+        a, b, s.offsets, s.material, normal, s.mirror, s.mean_blur, rays, gains, gloss, out
     ))  # fmt: skip
     return out
 
