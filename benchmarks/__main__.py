@@ -32,6 +32,7 @@ from .scenes.catalogue import SCENES
 from .scenes.make import cache_folder
 from .solve import warm_up
 
+SLOW = "mitsuba"  # this peer is compared over time, on one scene
 PARTS = {part.PART: part for part in (accuracy, timing, ablation, photographs)}
 
 
@@ -77,10 +78,11 @@ def wanted(arguments: argparse.Namespace, ledger: Ledger) -> tuple[list[Task], l
         tasks += accuracy.tasks(ledger, cases(accuracy.SMALL), size or 256, ())
     if accuracy.PART in parts:
         every = [*SCENES, LONG]
-        tasks += accuracy.tasks(ledger, cases(every), size or 512, peers)
+        quick = [name for name in peers if name != SLOW]
+        tasks += accuracy.tasks(ledger, cases(every), size or 512, quick)
     if timing.PART in parts:
         for case in cases(["floods_concave" if why_not(LONG) else LONG]):
-            tasks += timing.tasks(ledger, case, size, peers)
+            tasks += timing.tasks(ledger, case, size, peers, arguments.minutes)
     if ablation.PART in parts:
         tasks += ablation.tasks(ledger, arguments.cache, size or 512, arguments.scene)
     if photographs.PART in parts:
@@ -119,6 +121,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--texture-size", type=int, help="of all runs, where a part has no own")
     parser.add_argument("--peers", nargs="*", default=(), metavar="NAME",
                         help="compare with these methods too; without names, with all")  # fmt: skip
+    parser.add_argument("--minutes", type=float, default=10, help="of Mitsuba's inverse rendering")
     parser.add_argument("--cache", type=Path, default=cache_folder(), help="of rendered scenes")
     parser.add_argument("--out", type=Path, default=Path("benchmark_results"))
     parser.add_argument("--json", type=Path, help="write all rows to one file")

@@ -33,7 +33,7 @@ def write_documents(rows: Mapping[str, Sequence[Row]]) -> None:
         if own:
             tables = part.tables(own)
             splice(PAGE, part.PART, "\n\n".join(each.markdown() for each in tables))
-    measured = [row for row in rows.get(timing.PART, ()) if "error" not in row]
+    measured = timing.over_time(r for r in rows.get(timing.PART, ()) if "error" not in r)
     if measured:
         time_plot(measured, PICTURE)
         splice(README, timing.PART, short_table(measured).markdown())

@@ -6,7 +6,7 @@ from the samples of `standard`, and count what these took.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -38,7 +38,7 @@ COLUMNS = (
 
 
 def setups(texture: int | None) -> dict[str, tuple[str, Setup, bool]]:
-    """By name: group, configuration, and whether it goes on from `standard`.
+    """By name: group, configuration, and whether it goes on from `standard` (or is that).
 
     texture : texels of all but the presets and the sweep over texels; None: the presets'
     """
@@ -47,8 +47,7 @@ def setups(texture: int | None) -> dict[str, tuple[str, Setup, bool]]:
         return Setup(texture=texture, settings={k: str(v) for k, v in settings.items()})
 
     found = {name: (PRESET, Setup(preset=name), False) for name in PRESETS}
-    if texture is not None:
-        found["base"] = (PRESET, knob(), False)
+    found["standard" if texture is None else "base"] = (PRESET, knob(), True)
     found |= {f"1 frame in {n}": (FRAMES, knob(**{STEP: n}), False) for n in (2, 4, 8, 16)}
     found |= {f"{n} texels": (TEXELS, knob(**{TEXTURE: n}), False) for n in (256, 512, 1024)}
     found |= {f"{n} rows": (ENVIRONMENT, knob(**{HEIGHT: n}), True) for n in (32, 64, 256)}
@@ -59,14 +58,22 @@ def setups(texture: int | None) -> dict[str, tuple[str, Setup, bool]]:
     return found
 
 
-def tasks(ledger: Ledger, case: Case, texture: int | None, peers: Sequence[str] = ()) -> list[Task]:
+def tasks(
+    ledger: Ledger,
+    case: Case,
+    texture: int | None,
+    peers: Sequence[str] = (),
+    minutes: float = 10,
+) -> list[Task]:
+    """minutes : that the peer which gets better all the time may take"""
     found = []
     for name, (group, setup, onward) in setups(texture).items():
         make = partial(_measure, ledger, case, group, setup, onward)
         found.append(Task(PART, case.name, name, repr(setup), make))
     for name in peers:
-        make = partial(_peer, ledger, case, name, texture)
-        found.append(Task(PART, case.name, name, f"peer, {texture} texels", make))
+        make = partial(_peer, ledger, case, name, texture, minutes)
+        about = f"peer, {texture} texels, {minutes} min"
+        found.append(Task(PART, case.name, name, about, make))
     return found
 
 
@@ -83,18 +90,22 @@ def _measure(
     return judge(case, solve(case, setup, folder, start), folder) | {"group": group}
 
 
-def _peer(ledger: Ledger, case: Case, name: str, texture: int | None, folder: Path) -> Row:
+def _peer(
+    ledger: Ledger, case: Case, name: str, texture: int | None, minutes: float, folder: Path
+) -> Row:
     from .peers import peer_scores  # some need packages that the rest does not
 
     document = _standard(ledger, case, texture).document
     size = int(document.texels().sizes[0][0])
-    scores = peer_scores(case.path, document.folder, case.truth, size, folder, [name])
+    scores = peer_scores(
+        case.path, document.folder, case.truth, size, folder, [name], minutes=minutes
+    )
     return scores[name] | {"group": PEER}
 
 
 def tables(rows: Sequence[Row]) -> list[Table]:
     """One table a scene; what no other row beats in both time and error is starred."""
-    made = []
+    made, rows = [], over_time(rows)
     for scene in dict.fromkeys(row["scene"] for row in rows):
         own = [row for row in rows if row["scene"] == scene]
         fronts = [front(own, key, sign) for key, sign in (("dE_mean", 1), ("psnr_highlights", -1))]
@@ -106,6 +117,20 @@ def tables(rows: Sequence[Row]) -> list[Table]:
             table(scene, marked, COLUMNS, "\\* no faster run is better", eighth(own), scene=False)
         )
     return made
+
+
+def over_time(rows: Iterable[Row]) -> list[Row]:
+    """The rows, with one for each time at which a peer was looked at."""
+    found: list[Row] = []
+    for row in rows:
+        looks = row.get("over_time") or [row]
+        found += [
+            row
+            | look
+            | ({"name": f"{row['name']} {look['seconds']:.0f} s"} if len(looks) > 1 else {})
+            for look in looks
+        ]
+    return found
 
 
 def front(rows: Sequence[Row], key: str, sign: int) -> list[str]:

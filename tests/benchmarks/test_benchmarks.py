@@ -173,3 +173,12 @@ def test_rows_are_plain_json(tmp_path):
     Ledger(tmp_path, say=quiet).rows([task(lambda folder: {"list": [np.int64(1), np.nan]})])
     row = json.loads((tmp_path / "part" / "scene.row.json").read_text())
     assert row["list"] == [1, "nan"]
+
+
+def test_a_peer_that_was_looked_at_several_times_has_a_row_for_each():
+    looks = [{"seconds": s, "dE_mean": e} for s, e in ((60.2, 5), (120.4, 4))]
+    rows = timing.over_time([{"name": "slow", "over_time": looks}, {"name": "fast", "seconds": 1}])
+    assert [(row["name"], row["seconds"]) for row in rows] == [
+        ("slow 60 s", 60.2), ("slow 120 s", 120.4), ("fast", 1),
+    ]  # fmt: skip
+    assert [row.get("dE_mean") for row in rows] == [5, 4, None]
