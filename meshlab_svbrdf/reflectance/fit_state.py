@@ -14,6 +14,7 @@ from .fit_samples import FitSamples
 from .lights import Light
 from .phong import cast_shadows, lamps, light_texels
 from .pixel_blur import along_and_across, blurred_lobe
+from .shadow_edges import kept, shadow_edges
 
 
 @njit(cache=True, nogil=True)
@@ -104,13 +105,20 @@ class FitState:
         self.observations, self.samples, self.materials = observations, samples, materials
         self.position = observations.view.position[samples.texel]
         self.chunks = Chunks(len(samples.texel), pool)
+        self.quality = samples.quality
         self.weight = np.where(samples.clipped, 0, samples.quality).astype(np.float32)
         self.specular = np.zeros(len(samples), np.float32)
         self.residual = np.zeros(len(samples), np.float32)
 
     def light(self, lights: list[Light]) -> None:
+        """Light the texels; those at edges of shadows lose their weight when it is taken anew."""
         texels, own = self.samples.texel, self.observations
-        self.lamps = lamps(lights, own.texels.radius, cast_shadows(own, texels, lights))
+        lit = cast_shadows(own, texels, lights)
+        if lit is not None:
+            keep = kept(shadow_edges(own, texels, lights, lit), self.samples.material)
+            counts = np.diff(self.samples.offsets)
+            self.quality = np.where(np.repeat(keep, counts), self.samples.quality, np.float32(0))
+        self.lamps = lamps(lights, own.texels.radius, lit)
         self.rays, self.gains = light_texels(own.view, texels, self.lamps)
 
     def profiles(self, near: np.ndarray | None = None) -> list[Profile]:
@@ -131,7 +139,7 @@ class FitState:
         s = self.samples
         scale = huber_scale(s, self.residual, self.weight, self.materials)
         self.chunks(lambda a, b: _reweigh(
-            a, b, s.offsets, s.material, s.quality, s.clipped, self.specular, self.residual,
+            a, b, s.offsets, s.material, self.quality, s.clipped, self.specular, self.residual,
             scale, use_clipped, self.weight,
         ))  # fmt: skip
         return scale
