@@ -70,6 +70,10 @@ JOINT = (
     Change("normals kept", f"{GLOSS}.normals=keep"),
     Change("normals kept", f"{GLOSS}.normals=keep", ("coarse_normals",)),
     Change("Phong's lobe alone", f"{GLOSS}.reflectance=phong", (CONCAVE, "plastic", "gold")),
+    Change(
+        "no lights looked for in the residuals", f"{GLOSS}.complete=false", (CONCAVE, "unequal")
+    ),
+    Change("no sheen", f"{GLOSS}.sheen=none", ("pose",)),
     Change("ambient highlight left in D", f"{GLOSS}.ambient=false"),
     Change("pixels' blur left in D", f"{GLOSS}.sharp=false"),
     Change("shadows by harmonics", f"{GLOSS}.shadows=harmonics"),

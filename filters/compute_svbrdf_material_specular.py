@@ -46,6 +46,10 @@ FILTER = Filter(
             "samples", "int", 6_000_000, minimum=10_000,
             help="About how many samples the joint fit holds in memory, about 40 bytes each.",
         ),
+        Parameter(
+            "complete", "bool", True,
+            help="Look for lights that the environment map does not show (joint).",
+        ),
         Parameter("near", "bool", True, help="Lights at a finite distance (joint)."),
         Parameter(
             "long", "bool", True,
@@ -173,6 +177,7 @@ def _joint(
     turn = steepest_turn(shape) * texels.radius
     return estimate(
         observations, labels, lights, diffuse, turn, _footprint(document, texels),
+        complete=parameters.complete,
         correct_normals=parameters.normals == "auto", rounds=parameters.rounds,
         samples=parameters.samples, near=parameters.near, long=parameters.long,
         censoring=parameters.censoring, curvature=parameters.curvature,

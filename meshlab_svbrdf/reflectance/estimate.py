@@ -52,6 +52,7 @@ def estimate(
     turn: np.ndarray,
     footprint: float,
     *,
+    complete: bool = True,
     correct_normals: bool = True,
     ambient: bool = True,
     sharp: bool = True,
@@ -66,6 +67,7 @@ def estimate(
     material : (T,) int32, -1 for none; lights : from the environment map
     diffuse : (T, 3), the statistical D; it stays where a material is unobserved
     turn, footprint, options : see `joint.fit`
+    complete : whether lights are looked for that the environment map does not show
     ambient, sharp : whether the ambient light's highlight and the pixels' blur are taken out of D
     microfacets : whether they may describe a material instead of Phong's lobe
     """
@@ -73,7 +75,9 @@ def estimate(
     def part(start: float, stop: float, what: str) -> Callable[[int, int], None]:
         return lambda done, total: progress(start + (stop - start) * done / max(total, 1), what)
 
-    lights, notes = complete_lights(observations, material, lights, turn, footprint, **options)
+    notes: list[str] = []
+    if complete:
+        lights, notes = complete_lights(observations, material, lights, turn, footprint, **options)
     corrected = None
     step = 0.75 / (1 + CORRECTIONS)
     for k in range(1 + CORRECTIONS):
