@@ -21,6 +21,7 @@ from ..samples.observations import (
 from .fit_samples import is_clipped
 from .lights import Light
 from .phong import cast_shadows, lamps, light_texel
+from .pixel_blur import along_and_across, blurred_lobe, pixel_blur
 
 SIGMAS = np.radians([0.25, 0.5, 1.0, 2.0, 4.0])
 """Priors tried: standard deviation of a normal's error per angle, radians."""
@@ -46,8 +47,11 @@ class NormalRefinement:
 
 
 @njit(cache=True, nogil=True)
-def _predict(block, view, t, first, n, rays, gains, rho, alpha, e, slope, s, normal):
+def _predict(
+    block, view, pixel, shape, t, first, n, rays, gains, rho, alpha, e, slope, s, normal
+):  # fmt: skip
     """Per sample: lobe, residual y − S, and dS/d(normal) as a 3-vector."""
+    bx, by, bz, s2, away = 0.0, 0.0, 0.0, 0.0, np.empty(3)
     for j in range(n):
         f = block.frame[first + j]
         vx = view.eyes[f, 0] - view.position[t, 0]
@@ -60,23 +64,36 @@ def _predict(block, view, t, first, n, rays, gains, rho, alpha, e, slope, s, nor
         y = 2.0 * nv * normal[1] - vy
         z = 2.0 * nv * normal[2] - vz
         total, dx, dy, dz = 0.0, 0.0, 0.0, 0.0
+        if len(shape) > 0:
+            bx, by, bz, s2 = pixel_blur(view, pixel, shape[t], t, f)
+        s1 = bx * bx + by * by + bz * bz
         for k in range(len(gains)):
             if gains[k] <= 0:
                 continue
             cos = rays[k, 0] * x + rays[k, 1] * y + rays[k, 2] * z
             if cos <= 0.01:
                 continue
-            exponent = alpha * np.log(min(cos, 1.0))
-            if exponent < -12.0:
+            # The axes are those of the first normal: what counts is where l stands from r
+            away[0], away[1], away[2] = rays[k, 0] - x, rays[k, 1] - y, rays[k, 2] - z
+            u1, u2 = along_and_across(cos, bx, by, bz, away, s1)
+            kept = blurred_lobe(alpha, u1, u2, s1, s2)
+            if kept == 0.0:
                 continue
-            lobe = rho * gains[k] * np.exp(exponent)
+            lobe = rho * gains[k] * kept
             total += lobe
-            # dr = 2 (δ·v) n + 2 (n·v) δ, so d(l·r) = 2 δ·((l·n) v + (n·v) l)
-            ln = rays[k, 0] * normal[0] + rays[k, 1] * normal[1] + rays[k, 2] * normal[2]
+            # Blur makes the slope less, along each axis by its own share: w takes the place of l
+            h1, h2 = 1.0 / (1.0 + alpha * s1), 1.0 / (1.0 + alpha * s2)
+            part = (h1 - h2) * (away[0] * bx + away[1] * by + away[2] * bz)
+            part = part / s1 if s1 > 0.0 else 0.0
+            wx = h2 * rays[k, 0] + part * bx
+            wy = h2 * rays[k, 1] + part * by
+            wz = h2 * rays[k, 2] + part * bz
+            # dr = 2 (δ·v) n + 2 (n·v) δ, so d(w·r) = 2 δ·((w·n) v + (n·v) w)
+            wn = wx * normal[0] + wy * normal[1] + wz * normal[2]
             a = 2.0 * lobe * alpha / cos
-            dx += a * (ln * vx + nv * rays[k, 0])
-            dy += a * (ln * vy + nv * rays[k, 1])
-            dz += a * (ln * vz + nv * rays[k, 2])
+            dx += a * (wn * vx + nv * wx)
+            dy += a * (wn * vy + nv * wy)
+            dz += a * (wn * vz + nv * wz)
         s[j], slope[j, 0], slope[j, 1], slope[j, 2] = total, dx, dy, dz
         e[j] = sample_luminance(block, view, first + j) - total
 
@@ -105,7 +122,10 @@ def _variance(e, w, n):
 
 
 @njit(cache=True, nogil=True)
-def _refine(block, view, stride, material, rho, alpha, noise, bulbs, sigma, half, normals, sums):
+def _refine(
+    block, view, pixel, shape, stride, material, rho, alpha, noise, bulbs, sigma, half, normals,
+    sums,
+):  # fmt: skip
     """Correct the normals of every `stride`-th texel; sums: residual on the other half before and
     after, and how many texels show a highlight."""
     count = len(bulbs.gain)
@@ -127,7 +147,10 @@ def _refine(block, view, stride, material, rho, alpha, noise, bulbs, sigma, half
         light_texel(view, t, bulbs, coefficients, rays, gains)
         for axis in range(3):
             start[axis] = normal[axis] = view.normal[t, axis]
-        _predict(block, view, t, first, n, rays, gains, rho[m], alpha[m], e, slope, s, normal)
+        _predict(
+            block, view, pixel, shape, t, first, n, rays, gains, rho[m], alpha[m], e, slope, s,
+            normal,
+        )  # fmt: skip
         if s[:n].max() < 3.0 * noise[m]:
             continue
         h0 = 1.68 / 1.48 * noise[m]
@@ -179,7 +202,10 @@ def _refine(block, view, stride, material, rho, alpha, noise, bulbs, sigma, half
             if length > 2.0 * sigma:
                 normal = start + away * (2.0 * sigma / length)
                 normal /= np.sqrt((normal * normal).sum())
-            _predict(block, view, t, first, n, rays, gains, rho[m], alpha[m], e, slope, s, normal)
+            _predict(
+                block, view, pixel, shape, t, first, n, rays, gains, rho[m], alpha[m], e, slope, s,
+                normal,
+            )  # fmt: skip
         if half != ALL:
             sums[0] += before
             sums[1] += _variance(e, test, n)
@@ -216,6 +242,9 @@ def refine_normals(
     )
     rho = np.nan_to_num(np.asarray(rho_s, np.float64))
     shininess = np.nan_to_num(np.asarray(alpha, np.float64), nan=1.0)
+    shape = (
+        observations.shape if observations.shape is not None else np.zeros((0, 3, 3), np.float32)
+    )
     kept = NormalRefinement(view.normal, 0.0, 0.0, 0.0)
     if not (rho > 0).any():
         return kept
@@ -226,8 +255,8 @@ def refine_normals(
         def work(block):
             sums = np.zeros(3)
             _refine(
-                block, view, stride, material, rho, shininess, np.asarray(noise, np.float64), bulbs,
-                sigma, half, normals, sums,
+                block, view, observations.pixel, shape, stride, material, rho, shininess,
+                np.asarray(noise, np.float64), bulbs, sigma, half, normals, sums,
             )  # fmt: skip
             return sums
 

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 from analytic import bumpy_ball, film, lamp, orbit
 
-from meshlab_svbrdf.reflectance.normal_refinement import refine_normals
+from meshlab_svbrdf.geometry.surface_shape import surface_shape
+from meshlab_svbrdf.reflectance.normal_refinement import _predict, refine_normals
+from meshlab_svbrdf.reflectance.phong import lamps, light_texels
 from meshlab_svbrdf.samples.observations import with_normals
 
 T, F = 2000, 200
@@ -56,6 +58,30 @@ def test_no_correction_exceeds_two_sigma(scene):
     poor = with_normals(scene.observations, turned(scene.observations.view.normal, 3.0))
     found = refine_normals(poor, scene.material, RHO, ALPHA, NOISE, LIGHTS)
     assert off(found.normal, poor.view.normal).max() <= np.degrees(2 * found.sigma) * 1.01
+
+
+@pytest.mark.parametrize("swell", [0.0, 3.0])
+def test_slopes_are_what_a_turn_of_the_normal_does(scene, swell):
+    """Of sharp lobes, and of lobes that pixels blur to three quarters of their height."""
+    o = scene.observations
+    shape = np.float32(swell) * surface_shape(o.view.position, o.view.normal)
+    rays, gains = light_texels(o.view, np.arange(T), lamps(LIGHTS, o.texels.radius))
+    block, worst = o.store.read(0, T), []
+    for t in range(0, T, 100):
+        first, n = block.offsets[t], block.offsets[t + 1] - block.offsets[t]
+        normal = o.view.normal[t].astype(float)
+        step = 1e-4 * np.cross(normal, [0.3, -0.5, 0.8])
+
+        def lobes(turned, t=t, first=first, n=n):
+            e, slope, s = np.empty(n), np.empty((n, 3)), np.empty(n)
+            _predict(block, o.view, o.pixel, shape, t, first, n, rays[t], gains[t], 40.0, 60.0, e,
+                     slope, s, turned)  # fmt: skip
+            return slope, s
+
+        slope = lobes(normal)[0]
+        rise = (lobes(normal + step)[1] - lobes(normal - step)[1]) / 2
+        worst.append(np.abs(slope @ step - rise).max() / max(np.abs(rise).max(), 1e-5))
+    assert np.median(worst) < (0.01 if swell == 0 else 0.1)
 
 
 def test_without_gloss_or_lights_normals_are_kept(scene):
