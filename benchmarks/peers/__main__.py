@@ -23,7 +23,7 @@ from rich.table import Table
 from meshlab_svbrdf.errors import SvbrdfError
 
 from ..scenes.score import Scores
-from .scores import PEERS, peer_scores
+from .scores import MINUTES, PEERS, peer_scores
 
 COLUMNS = (  # heading, figure, format
     ("ΔE mean", "dE_mean", "{:.2f}"),
@@ -72,7 +72,12 @@ def main() -> None:
     parser.add_argument("result", type=Path, help="NAME.svbrdf of a run on it")
     parser.add_argument("--truth", type=Path, help="default: ground_truth beside the project")
     parser.add_argument("--peer", action="append", choices=list(PEERS), metavar="NAME")
-    parser.add_argument("--minutes", type=float, default=10.0, help="of the inverse rendering (10)")
+    parser.add_argument(
+        "--minutes",
+        type=float,
+        default=MINUTES,
+        help=f"of the inverse rendering, scoring not counted ({MINUTES:g}; 10 tells more)",
+    )
     parser.add_argument("--out", type=Path, help="keep maps and views in this folder")
     parser.add_argument("--json", type=Path, help="write all figures")
     arguments = parser.parse_args()

@@ -39,10 +39,10 @@ except ImportError as error:
 
 SKY = (64, 128)
 SAMPLES = 4  # per pixel of a frame
-RATES = {"albedo": 0.03, "sky": 0.1, "rho_s": 0.03, "alpha": 0.03}  # sky, ρs, α as logarithms
+RATES = {"albedo": 0.06, "sky": 0.2, "rho_s": 0.06, "alpha": 0.06}  # sky, ρs, α as logarithms
 COOLING = 0.05  # what the rates have come down to at the end
-CHECKPOINTS = (0.125, 0.25, 0.5, 1.0)  # of the minutes
-JUDGED = 64  # samples of each pixel and texel that is judged
+CHECKPOINTS = (0.2, 0.5, 1.0)  # of the minutes
+JUDGED = 256  # samples of each pixel and texel that is judged
 
 
 class Unknowns:
@@ -112,7 +112,7 @@ class Unknowns:
             write_png(views / raster.path.name, to_srgb8(image[..., :3]))
 
 
-def run(capture: Capture, truth: Path, folder: Path, minutes: float = 10.0) -> Scores:
+def run(capture: Capture, truth: Path, folder: Path, minutes: float) -> Scores:
     """Also tells `over_time`: seconds, ΔE mean and dB at each checkpoint, scoring not counted."""
     frames = _Frames(capture)
     spent = -time.perf_counter()

@@ -27,6 +27,7 @@ PEERS = {  # the file's function
     "open3d": "open3d:run",
     "mitsuba": "mitsuba_inverse:run",
 }
+MINUTES = 2.0  # of the inverse rendering, unless said otherwise
 SUPERSAMPLING = 3  # as our own results are rendered
 Peer = Callable[..., Scores]
 
@@ -38,7 +39,7 @@ def peer_scores(
     texture: int,
     work: Path,
     names: Sequence[str],
-    minutes: float = 10.0,
+    minutes: float = MINUTES,
 ) -> dict[str, Scores]:
     """Figures of the diffuse map and of the unseen views of each peer, by its name.
 
