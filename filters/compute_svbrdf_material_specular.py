@@ -14,6 +14,7 @@ from meshlab_svbrdf.progress import Progress
 from meshlab_svbrdf.reflectance.density import highest_bell
 from meshlab_svbrdf.reflectance.estimate import Estimate, estimate
 from meshlab_svbrdf.reflectance.joint import Material
+from meshlab_svbrdf.reflectance.lamp_size import under_points
 from meshlab_svbrdf.reflectance.lights import Light
 from meshlab_svbrdf.reflectance.long_lamps import as_seen
 from meshlab_svbrdf.reflectance.microfacet import NAMES, Microfacets
@@ -92,6 +93,12 @@ FILTER = Filter(
             "(joint).",
         ),
         Parameter(
+            "lamp_radius", "float", 0.0, minimum=0.0, maximum=45.0,
+            help="Degrees that the lamps' radius subtends at the object's centre, where it is "
+            "known: materials.json then also tells rho_s_point and alpha_point, as under points "
+            "of light; 0: not known.",
+        ),
+        Parameter(
             "density", "enum", "log", choices=("log", "linear"),
             help="Of ln ρs, or of ρs as the paper has it (paper).",
         ),
@@ -156,7 +163,7 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
         {
             "estimator": parameters.estimator,
             "materials": [
-                _entry(int(k), m, s, other)
+                _entry(int(k), m, s, other) | _point(m, parameters.lamp_radius)
                 for k, m, s, other in zip(ids, materials, seen[:-1], microfacets, strict=True)
             ],
             "notes": notes,
@@ -226,6 +233,13 @@ def _entry(identity: int, material: Material, seen: np.ndarray, other: Microface
             "gain_db": other.gain_db,
         }  # fmt: skip
     return entry
+
+
+def _point(material: Material, lamp_radius: float) -> dict:
+    if lamp_radius == 0:
+        return {}
+    rho_s, alpha = under_points(material.rho_s, material.alpha, lamp_radius)
+    return {"rho_s_point": rho_s / 100, "alpha_point": alpha}
 
 
 def _outcome(estimator: str, ids, materials: list[Material], lights, notes: list[str]) -> str:
