@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from meshlab_svbrdf.document.document import Document
 from meshlab_svbrdf.progress import Progress
 from meshlab_svbrdf.reflectance.joint import Material
 from meshlab_svbrdf.reflectance.sheen import Sheen, find_sheen
+from meshlab_svbrdf.rendering.acquisition import Appearance
 from meshlab_svbrdf.samples.observations import with_normals
 
 from ._maps import set_scalar_map
@@ -20,10 +22,10 @@ def seek_sheen(
     document: Document, labels: np.ndarray, materials: list[Material], normal: np.ndarray | None,
     progress: Progress,
 ) -> Sheen | None:  # fmt: skip
-    """The sheen of the materials that are unobserved, seen with corrected normals or the mesh's."""
-    tried = np.array([not m.observed for m in materials], bool)
-    if not tried.any():
+    """Sheen, where no material shows a lamp; seen with corrected normals or the mesh's."""
+    if any(m.observed for m in materials):
         return None
+    tried = np.ones(len(materials), bool)
     observations = read_observations(document, visibility=False)
     if normal is not None:
         observations = with_normals(observations, normal)
@@ -31,8 +33,9 @@ def seek_sheen(
 
 
 def set_sheen(document: Document, sheen: Sheen, ids: np.ndarray) -> dict[str, Any]:
-    """Write strengths and normals; what materials.json says of it."""
+    """Write strengths, levels and normals; what materials.json says of it."""
     document.set_attribute("sheen", sheen.strength)
+    document.set_attribute("sheen_level", sheen.level)
     document.set_attribute("refined_normal", sheen.normal)
     set_scalar_map(document, "sheen", document.texels(), sheen.strength, shown="sheen")
     return {
@@ -61,10 +64,20 @@ def sheen_note(sheen: Sheen, ids: np.ndarray, labels: np.ndarray) -> str:
     )
 
 
-def read_sheen(document: Document) -> tuple[list[np.ndarray | None], np.ndarray | None]:
-    """Images of the strength, one per texture, and the harmonics; None where there is no sheen."""
-    texels = document.texels()
+def with_sheen(document: Document, looks: list[Appearance]) -> list[Appearance]:
+    """The same with the sheen, where there is any: its levels stand for D."""
     if "sheen" not in document.attributes():
-        return [None] * len(texels.sizes), None
-    harmonics = np.array(document.json("materials")["sheen"]["harmonics"])
-    return [*texels.to_images(document.attribute("sheen"))], harmonics
+        return looks
+    texels, harmonics = (
+        document.texels(),
+        np.array(document.json("materials")["sheen"]["harmonics"]),
+    )
+    levels = texels.to_images((document.attribute("sheen_level") / 100).astype(np.float32))
+    strengths = texels.to_images(document.attribute("sheen"))
+    return [
+        replace(
+            look, diffuse=np.where(np.isfinite(strength)[..., None], level, look.diffuse),
+            sheen=strength, harmonics=harmonics,
+        )
+        for look, level, strength in zip(looks, levels, strengths, strict=True)
+    ]  # fmt: skip

@@ -79,9 +79,9 @@ FILTER = Filter(
         ),
         Parameter(
             "sheen", "enum", "auto", choices=("auto", "none"),
-            help="Describe materials without observed gloss by what they mirror of their "
-            "surroundings, with normals to match, where that predicts frames that no fit has seen; "
-            "or not (joint).",
+            help="Where no material shows a lamp: describe them by what they mirror of their "
+            "surroundings, with normals to match, if that predicts frames that it has not seen; "
+            "or do not (joint).",
         ),
         Parameter(
             "ambient", "bool", True,
@@ -144,8 +144,6 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
         if parameters.sheen == "auto":
             sheen = seek_sheen(document, dense, materials, found.normal, progress.part(0.95, 1))
     if sheen is not None:
-        shown = np.isfinite(sheen.level[:, 0])
-        diffuse = np.where(shown[:, None], sheen.level, diffuse)
         notes = [*notes, sheen_note(sheen, ids, dense)]
 
     # Write maps, materials and lights; the maps hold what is seen, as under compact lamps

@@ -17,7 +17,7 @@ from meshlab_svbrdf.rendering.acquisition import AcquisitionRenderer, Appearance
 from meshlab_svbrdf.samples.luminance import decode, to_srgb8
 
 from ._lights import read_lights
-from ._sheen import read_sheen
+from ._sheen import with_sheen
 from ._stages import UNOBSERVED_GREY
 
 FILTER = Filter(
@@ -109,7 +109,5 @@ def read_appearance(document: Document, microfacets: bool = True) -> list[Appear
     if "ambient_highlight" in document.attributes():
         ambient = texels.to_images(document.attribute("ambient_highlight") / np.float32(100), 0)
         diffuse = [d + a for d, a in zip(diffuse, ambient, strict=True)]
-    sheen, harmonics = read_sheen(document)
-    every = [harmonics] * len(sheen)
-    maps = (diffuse, rho_s, alpha, tints, normals, inside, kind, grazing, sheen, every)
-    return [Appearance(*each) for each in zip(*maps, strict=True)]
+    maps = (diffuse, rho_s, alpha, tints, normals, inside, kind, grazing)
+    return with_sheen(document, [Appearance(*each) for each in zip(*maps, strict=True)])
