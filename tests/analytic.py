@@ -212,11 +212,12 @@ class Scene:
 
 def film(
     folder: Path, texels: Texels, cameras: list[Camera], lights: list[Light], material, rho_s,
-    alpha, diffuse, *, tint=None, noise: float = 0.0, seed: int = 0,
+    alpha, diffuse, *, tint=None, highlights=None, noise: float = 0.0, seed: int = 0,
 ) -> Scene:  # fmt: skip
     """Film texels that nothing occludes: sRGB codes with `noise` codes RMS, clipped at 255.
 
     A sample is seen where n·v > .1, with quality n·v, and marked where a channel is ≥ 254.
+    highlights : (T, F), 0..100, instead of the lobes'
     """
     material, rho_s, alpha = (
         np.asarray(material),
@@ -224,8 +225,9 @@ def film(
         np.asarray(alpha, float),
     )
     tint = np.ones((len(rho_s), 3)) if tint is None else np.asarray(tint, float)
-    phi = lobes(texels, cameras, lights, alpha[material])
-    linear = diffuse[:, None] + (rho_s[:, None] * tint)[material][:, None] * phi[..., None]
+    if highlights is None:
+        highlights = rho_s[material, None] * lobes(texels, cameras, lights, alpha[material])
+    linear = diffuse[:, None] + tint[material][:, None] * highlights[..., None]
     error = noise * np.random.default_rng(seed).normal(size=linear.shape)
     exact = linear / 100
     curve = np.where(

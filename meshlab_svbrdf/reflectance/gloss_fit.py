@@ -151,15 +151,16 @@ def moved(light: Light, change: np.ndarray) -> Light:
     )
 
 
-def move_lights(state: FitState, lights: list[Light], gloss: Gloss) -> list[Light]:
+def move_lights(state: FitState, lights: list[Light], gloss: Gloss) -> tuple[list[Light], float]:
     """One Gauss-Newton step on the lights the state is lit by; far ones stay far.
 
-    The state's residuals are those under `gloss`. Gains keep their geometric mean of 1.
+    The state's residuals are those under `gloss`. Gains keep their geometric mean of 1. Also
+    returned: the largest change, of angles in radians, ln gain and κ.
     """
     s, lit = state.samples, state.lamps.lit
     weight = state.weight.astype(np.float64)
-    error = center(state.residual, weight, s.offsets)
-    slopes, free = [], []
+    free = [(k, p) for k, g in enumerate(lights) for p in range(4) if p < 3 or g.curvature > 0]
+    slopes = np.empty((len(free), len(s)))
     for k, light in enumerate(lights):
         shown = lit[:, [k]] if len(lit) else None
 
@@ -169,28 +170,24 @@ def move_lights(state: FitState, lights: list[Light], gloss: Gloss) -> list[Ligh
             return highlights(state, gloss, rays, gains)
 
         present = under(light)
-        for p in range(4):
-            if p == 3 and light.curvature == 0:
-                continue
-            free.append((k, p))
-            if p == 2:
+        for row, (_, p) in enumerate(free):
+            if free[row][0] == k:
                 slope = present
-            else:
-                slope = (under(moved(light, NUDGE * np.eye(4)[p])) - present) / NUDGE
-            slopes.append(center(slope, weight, s.offsets).astype(np.float32))
-    matrix = np.array([[float((weight * p) @ q) for q in slopes] for p in slopes])
-    vector = np.array([float((weight * p) @ error) for p in slopes])
-    scale = np.diag(matrix) > 0
+                if p != 2:
+                    slope = (under(moved(light, NUDGE * np.eye(4)[p])) - present) / NUDGE
+                slopes[row] = center(slope, weight, s.offsets)
+    vector = slopes @ (weight * state.residual)
+    matrix = (slopes * weight) @ slopes.T
+    shows = np.diag(matrix) > 0
     change = np.zeros((len(lights), 4))
-    if scale.any():
-        a = matrix[np.ix_(scale, scale)] + DAMPING * np.diag(np.diag(matrix)[scale])
+    if shows.any():
+        a = matrix[np.ix_(shows, shows)] + DAMPING * np.diag(np.diag(matrix)[shows])
         delta = np.zeros(len(free))
-        delta[scale] = np.linalg.solve(a, vector[scale])
-        for (k, p), d in zip(free, delta, strict=True):
-            change[k, p] = d
+        delta[shows] = np.linalg.solve(a, vector[shows])
+        change[tuple(np.transpose(free))] = delta
     for row in change:
         row[:2] *= min(1.0, STEP / max(float(np.linalg.norm(row[:2])), 1e-12))
         row[2], row[3] = np.clip(row[2], -1, 1), np.clip(row[3], -3 * STEP, 3 * STEP)
     after = [moved(light, row) for light, row in zip(lights, change, strict=True)]
     mean = np.exp(np.mean(np.log([light.gain for light in after])))
-    return [replace(light, gain=light.gain / mean) for light in after]
+    return [replace(light, gain=light.gain / mean) for light in after], float(np.abs(change).max())

@@ -32,7 +32,9 @@ SHAPES = {
 WORTHWHILE = 1.0
 """dB by which microfacets must predict unseen samples better than Phong's lobe."""
 ROUNDS = 5
-"""Of elimination and a step of the lights, once it is known which model describes what."""
+"""Of elimination and a step of the lights, at most, once it is known which model describes what."""
+STILL = 1e-3
+"""Change of a light's angles (radians), ln gain and κ below which the rounds end."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +79,7 @@ def choose_models(
     shiny = np.sqrt([m.alpha if m.observed else FIRST_ALPHA for m in materials])
     limits = curvature / shiny / (2 * footprint) if curvature > 0 else shiny + np.inf
     # Spend no more on rows of points than on single ones
-    budget = max(samples * len(lights) // (8 * len(lamps(lights, 1.0).gain)), samples // 64)
+    budget = max(samples * len(lights) // (16 * len(lamps(lights, 1.0).gain)), samples // 64)
 
     with ThreadPoolExecutor(thread_count()) as pool:
 
@@ -110,8 +112,10 @@ def choose_models(
         stay = _refit(fitted, lights, start, everything, censoring)
         new, gloss = lights, stay
         for _round in range(ROUNDS):
-            new = move_lights(fitted, new, gloss)
+            new, change = move_lights(fitted, new, gloss)
             gloss = _refit(fitted, new, gloss, everything, censoring)
+            if change < STILL:
+                break
         before, after = (_rest(test, at, with_) for at, with_ in ((lights, stay), (new, gloss)))
         if after < before:
             lights = new
@@ -192,11 +196,11 @@ def _fit(state: FitState, kind: int, seen: np.ndarray, censoring: bool) -> tuple
     rests = [eliminate_gloss(state, kinds, np.full(state.materials, x))[:, 2] for x in grid]
     shape = grid[np.argmin(rests, axis=0)]
     step = float(np.log(grid[1] / grid[0])) / 2
-    for _ in range(3):
+    for _ in range(2):
         gloss, rest = _interpolate(state, kinds, shape, step)
         predict(state, gloss)
         _weigh(state, seen, censoring)
-        shape, step = gloss.shape, step / 2
+        shape, step = gloss.shape, step / 3
     return gloss, rest
 
 
