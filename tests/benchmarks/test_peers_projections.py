@@ -185,14 +185,12 @@ def test_mitsuba_shows_its_own_diffuse_map(inverse, scene, tmp_path, monkeypatch
     unknowns.adam["rho_s"] = mi.Float([-20.0])
     unknowns.adam["sky"] = mi.TensorXf((sky - 1).astype(np.float32))
     unknowns.show()
-    monkeypatch.setattr(inverse, "JUDGED", 16)
+    monkeypatch.setattr(inverse, "JUDGED", 144)
     unknowns.write(truth, tmp_path)
     render_matte(capture, tmp_path, truth, tmp_path / "matte")
     ours, theirs = (decode(read_image(tmp_path / k / "0.png") / 255) for k in ("matte", "views"))
     on = cv2.erode((theirs > 0).all(-1).astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
     assert theirs[on].max() < 1
-    np.testing.assert_allclose(ours[on].mean(0), theirs[on].mean(0), rtol=0.03)
-    # Compare place by place what the noise leaves
-    ours, theirs = (cv2.blur(image, (5, 5))[on] for image in (ours, theirs))
+    np.testing.assert_allclose(ours[on].mean(0), theirs[on].mean(0), rtol=0.01)
     for channel in range(3):
-        assert np.corrcoef(ours[:, channel], theirs[:, channel])[0, 1] > 0.95
+        assert np.corrcoef(ours[on][:, channel], theirs[on][:, channel])[0, 1] > 0.95
