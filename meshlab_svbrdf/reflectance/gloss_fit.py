@@ -170,12 +170,13 @@ def move_lights(state: FitState, lights: list[Light], gloss: Gloss) -> tuple[lis
             return highlights(state, gloss, rays, gains)
 
         present = under(light)
-        for row, (_, p) in enumerate(free):
-            if free[row][0] == k:
-                slope = present
-                if p != 2:
-                    slope = (under(moved(light, NUDGE * np.eye(4)[p])) - present) / NUDGE
-                slopes[row] = center(slope, weight, s.offsets)
+        for column, (of, p) in enumerate(free):
+            if of != k:
+                continue
+            slope = present
+            if p != 2:
+                slope = (under(moved(light, NUDGE * np.eye(4)[p])) - present) / NUDGE
+            slopes[column] = center(slope, weight, s.offsets)
     vector = slopes @ (weight * state.residual)
     matrix = (slopes * weight) @ slopes.T
     shows = np.diag(matrix) > 0
