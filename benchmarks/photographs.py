@@ -8,7 +8,7 @@ methods.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -23,6 +23,7 @@ from meshlab_svbrdf.filters.generate_svbrdf_rendering import read_appearance
 from meshlab_svbrdf.rendering.acquisition import AcquisitionRenderer, Appearance
 from meshlab_svbrdf.samples.luminance import decode, encode
 
+from .ablation import GLOSS
 from .cases import Case
 from .ledger import Ledger, Row, Task
 from .peers.statistics import statistic
@@ -30,6 +31,7 @@ from .solve import Setup, solve
 from .tables import Column, Table, table
 
 PART = "photographs"
+PLAIN = "held out"
 NAMES = {
     "mean": "mean of the samples",
     "median": "median of the samples",
@@ -38,34 +40,52 @@ NAMES = {
     "final": "diffuse colour (final)",
     "full": "diffuse and specular",
 }
+WITHOUT = {  # ideas that photographs live by, each left out
+    "no sheen": {f"{GLOSS}.sheen": "none"},
+    "no gains per photograph": {"compute_svbrdf_samples.gains": "none"},
+}
 
 
 def tasks(ledger: Ledger, cases: Sequence[Case], texture: int | None) -> list[Task]:
-    """One row a scene; the table has a line a method."""
-    return [
-        Task(PART, case.name, "held out", f"{texture} texels", partial(_predict, case, texture))
-        for case in cases
-    ]
+    """One row a scene, whose table has a line a method, and one for each idea left out."""
+    about = f"{texture} texels"
+    found = []
+    for case in cases:
+        found.append(Task(PART, case.name, PLAIN, about, partial(_predict, ledger, case, texture)))
+        for name, settings in WITHOUT.items():
+            make = partial(_predict, ledger, case, texture, settings=settings)
+            found.append(Task(PART, case.name, name, f"{about}, {settings}", make))
+    return found
 
 
-def _predict(case: Case, texture: int | None, folder: Path) -> Row:
-    solved = solve(case, Setup(texture=texture), folder, hold_out=True)
-    return predict(solved.document) | solved.cost
+def _predict(
+    ledger: Ledger,
+    case: Case,
+    texture: int | None,
+    folder: Path,
+    settings: Mapping[str, str] | None = None,
+) -> Row:
+    base = solve(case, Setup(texture=texture), ledger.work / PART / case.name, hold_out=True)
+    if settings is None:
+        return predict(base.document) | base.cost
+    setup = Setup(texture=texture, settings=settings)
+    solved = solve(case, setup, folder, base.document.path.parent, hold_out=True)
+    return predict(solved.document, ("full",)) | solved.cost
 
 
-def predict(document: Document) -> Row:
+def predict(document: Document, names: Sequence[str] = tuple(NAMES)) -> Row:
     """PSNR of the held-out frames, by method, and the share of the object's pixels judged.
 
-    Raises SvbrdfError where no frame was held out.
+    names : of the methods, see NAMES. Raises SvbrdfError where no frame was held out.
     """
     if not document.held_out:
         raise SvbrdfError(f"{document.path}: no frame was held out: run with --hold-out")
     colors = _colors(document)
     valid = np.all([np.isfinite(color).all(1) for color in colors.values()], axis=0)
-    methods = {name: _matte(document, color) for name, color in colors.items()}
-    methods["full"] = AcquisitionRenderer(
-        document.mesh(), read_appearance(document), read_lights(document)
-    )
+    methods = {name: _matte(document, colors[name]) for name in names if name in colors}
+    if "full" in names:
+        looks = read_appearance(document)
+        methods["full"] = AcquisitionRenderer(document.mesh(), looks, read_lights(document))
     observed = _matte(document, np.repeat(valid[:, None], 3, 1).astype(np.float32))
     found: dict[str, list[float]] = {name: [] for name in methods}
     shares = []
@@ -119,18 +139,27 @@ def tables(rows: Sequence[Row]) -> list[Table]:
         Column("above the mean", lambda row: np.mean(row["psnr"]) - row["plain"], "{:+.2f}"),
     )
     made = []
-    for row in rows:
-        lines = [row]
-        title = row["scene"]
-        if "error" not in row:
+    for scene in dict.fromkeys(row["scene"] for row in rows):
+        own = [row for row in rows if row["scene"] == scene]
+        lines, title, plain = [], scene, float("nan")
+        for row in own:
+            if "error" in row:
+                lines.append(row)
+                continue
             values = {name: list(map(float, each)) for name, each in row["psnr"].items()}
-            plain = float(np.mean(values["mean"]))
-            lines = [
-                {"name": NAMES[name], "psnr": each, "plain": plain} for name, each in values.items()
+            if row["name"] in (PLAIN, ""):
+                plain = float(np.mean(values["mean"]))
+                title += (
+                    f": {row['frames']} held-out frames; "
+                    f"{row['share']:.1%} of the object's pixels judged"
+                )
+            lines += [
+                {
+                    "name": NAMES[name] + (f", {row['name']}" if len(values) == 1 else ""),
+                    "psnr": each,
+                    "plain": plain,
+                }
+                for name, each in values.items()
             ]
-            title += (
-                f": {row['frames']} held-out frames; "
-                f"{row['share']:.1%} of the object's pixels judged"
-            )
         made.append(table(title, lines, columns, scene=False))
     return made

@@ -6,14 +6,18 @@ import json
 
 import numpy as np
 import pytest
+from totems import TEXELS, WALK, film, run
 
 from benchmarks import ablation, photographs, timing
+from benchmarks.__main__ import judge_result
 from benchmarks.cases import VARIABLE, Case, available, why_not
 from benchmarks.documents import PAGE, PARTS, README, presets_table
 from benchmarks.ledger import Ledger, Task
 from benchmarks.scenes.catalogue import SCENES
 from benchmarks.solve import Setup
 from benchmarks.tables import Column, splice, table
+from meshlab_svbrdf.document.document import Document
+from meshlab_svbrdf.errors import SvbrdfError
 from meshlab_svbrdf.presets import chain
 from meshlab_svbrdf.script import check_script
 
@@ -160,6 +164,27 @@ def test_gains_of_a_photograph_are_fitted_away():
     truth = rendered * [1.5, 0.7, 1.1]
     truth[:50] = 0.99  # clipped pixels do not count
     np.testing.assert_allclose(photographs.fitted(rendered, truth)[50:], truth[50:], rtol=1e-12)
+
+
+def test_frames_held_out_are_predicted(tmp_path_factory, tmp_path, capsys):
+    """A film under a fixed exposure: highlights help, and every method is judged alike."""
+    document = Document.open(film(tmp_path_factory, WALK), tmp_path)
+    with pytest.raises(SvbrdfError, match="--hold-out"):
+        photographs.predict(document)
+    document.hold_out()
+    run(document, **{TEXELS: {"texture_size": 64}})
+    document.save()
+    row = photographs.predict(document)
+    assert row["frames"] == 8
+    assert row["share"] > 0.9
+    assert set(row["psnr"]) == set(photographs.NAMES)
+    mean = {name: np.mean(values) for name, values in row["psnr"].items()}
+    assert mean["full"] > mean["final"] + 1
+    assert mean["full"] > mean["mean"] + 1
+    judge_result(document.path)
+    printed = capsys.readouterr().out
+    assert "8 held-out frames" in printed
+    assert f"{mean['full']:.2f}" in printed
 
 
 def test_a_setup_takes_what_is_set_before_its_own(tmp_path):
