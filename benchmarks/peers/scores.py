@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable, Sequence
 from functools import partial
 from importlib import import_module
@@ -82,8 +83,9 @@ def load(name: str) -> Peer:
 
 def _score(peer: Peer, capture: Capture, truth: Path, folder: Path) -> Scores:
     folder.mkdir(parents=True, exist_ok=True)
-    figures = peer(capture, truth, folder)
     views = folder / "views"
+    shutil.rmtree(views, ignore_errors=True)  # of an earlier run
+    figures = peer(capture, truth, folder)
     if not views.is_dir():
         render_matte(capture, folder, truth, views)
     return figures | diffuse(folder, truth) | unseen_views(views, truth)
