@@ -16,6 +16,7 @@ from .scenes.ceiling import render_truth
 from .scenes.score import unseen_views
 from .scenes.score_environment import environment_picture
 from .solve import Setup, judge, solve
+from .summary import sentences
 from .tables import Column, Table, table
 
 PART = "accuracy"
@@ -112,6 +113,7 @@ def tables(rows: Sequence[Row]) -> list[Table]:
     rows = [row for row in rows if "skipped" not in row]
     ours = [row for row in rows if row["name"].startswith(("joint", "paper"))]
     return [
+        Table("In short", ["`joint`, over all scenes"], [[text] for text in sentences(rows)]),
         table("Lights, environment map and materials", ours, LIGHT + MATERIAL),
         table("Diffuse colour and unseen views", rows, DIFFUSE + VIEWS + SECONDS),
     ]

@@ -15,6 +15,7 @@ from benchmarks.documents import PAGE, PARTS, README, presets_table
 from benchmarks.ledger import Ledger, Task
 from benchmarks.scenes.catalogue import SCENES
 from benchmarks.solve import Setup
+from benchmarks.summary import sentences
 from benchmarks.tables import Column, splice, table
 from meshlab_svbrdf.document.document import Document
 from meshlab_svbrdf.errors import SvbrdfError
@@ -207,3 +208,42 @@ def test_a_peer_that_was_looked_at_several_times_has_a_row_for_each():
         ("slow 60 s", 60.2), ("slow 120 s", 120.4), ("fast", 1),
     ]  # fmt: skip
     assert [row.get("dE_mean") for row in rows] == [5, 4, None]
+
+
+def test_the_summary_counts_and_names_the_worst():
+    def row(scene, name, **figures):
+        return {"scene": scene, "name": name, **figures}
+
+    def ours(scene, missed, angle, highlights, error):
+        return row(
+            scene, "joint", lights_missed=missed, lights_false=0, light_deg=angle,
+            psnr_highlights=highlights, dE_mean=error,
+        )  # fmt: skip
+
+    rows = [
+        ours("a", 0, 0.1, 45.0, 0.5), ours("b", 1, 0.3, 40.0, 1.0), ours("c", 0, None, 41.0, None),
+        row("a", "paper", lights_missed=0, psnr_highlights=35.0, dE_mean=0.9),
+        row("b", "paper", lights_missed=0, psnr_highlights=39.0, dE_mean=0.9),
+        row("a", "mean", psnr_highlights=20.0, dE_mean=2.0),
+        row("b", "mean", psnr_highlights=20.0, dE_mean=0.8),
+        row("a", "truth", psnr_highlights=46.0),
+        row("b", "truth", skipped="no lobe"),
+        row(
+            "a", "joint, true materials", lights_missed=0,
+            ln_rho_s_worst=-0.04, ln_alpha_worst="inf",
+        ),
+        row("c", "mean", error="broken"),
+    ]  # fmt: skip
+    assert sentences(rows) == [
+        "Lights: all found and no other on 2 of 3 scenes (not on b); "
+        "0.20° in the middle, at worst 0.30° (b).",
+        "|ln ρs| of the worst material, given the materials: 0.040 in the middle, "
+        "at worst 0.040 (a).",
+        "|ln α| of the worst material, given the materials: inf in the middle, at worst inf (a).",
+        "Highlights, above `paper`: 5.5 dB in the middle, at worst 1.0 dB (b).",
+        "Highlights, below the truth rendered the same way: 1.0 dB in the middle, "
+        "at worst 1.0 dB (a).",
+        "ΔE against `mean`: less on 1 of 2 scenes, less than half on 1; "
+        "75% in the middle, at worst 125% (b) of its.",
+    ]
+    assert sentences([]) == []
