@@ -36,6 +36,7 @@ WORTHWHILE = 0.1
 ROUNDS = 4
 CELLS = 128  # of the octahedral table of ℓ along a side
 RUNS = 16  # the frames are parted into, every other one of which judges
+QUIET = 1e-3  # the least noise of ln y: an eighth of a code
 SMOOTH = 1e-3  # weight of the Laplacian of ℓ, against a coefficient's own share in the samples
 
 
@@ -199,7 +200,8 @@ def _explained(
     """Share of the squared error of constants that the model takes away; both errors per texel."""
     before, after = (np.empty(len(samples.offsets) - 1) for _ in range(2))
     unexplained(samples, weight, test, normal, strength, table, before, after)
-    return 1 - float(after.sum() / max(before.sum(), 1e-12)), before, after
+    plain = float(before.sum())
+    return (1 - float(after.sum()) / plain if plain > 0 else 0.0), before, after
 
 
 def _spread(samples: Gathered) -> float:
@@ -209,4 +211,4 @@ def _spread(samples: Gathered) -> float:
         for a, b in zip(samples.offsets[:-1], samples.offsets[1:], strict=True)
         if b > a
     ]
-    return float(1.4826 * np.median(np.concatenate(away)))
+    return max(float(1.4826 * np.median(np.concatenate(away))), QUIET)

@@ -8,7 +8,7 @@ from meshlab_svbrdf.geometry.harmonics import basis
 from meshlab_svbrdf.reflectance.sheen import find_sheen, fit_harmonics, harmonic_table
 from meshlab_svbrdf.reflectance.sheen_search import gather, tilts
 
-T, F = 1500, 100
+T, F = 500, 60
 ONE_MATERIAL = np.zeros(T, np.int32)
 
 
@@ -66,6 +66,11 @@ def test_good_normals_are_kept(tmp_path):
 
 def test_matte_objects_have_none(tmp_path):
     observations, _, _ = seen(tmp_path, strength=0.0, noise=0.1)
+    assert find_sheen(observations, ONE_MATERIAL, np.array([True])) is None
+
+
+def test_frames_without_any_noise_have_none(tmp_path):
+    observations, _, _ = seen(tmp_path, strength=0.0, noise=0.0)
     assert find_sheen(observations, ONE_MATERIAL, np.array([True])) is None
 
 
