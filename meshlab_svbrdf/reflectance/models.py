@@ -7,6 +7,7 @@ once more, for a lobe of the wrong shape pulls them away.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
@@ -14,21 +15,18 @@ import numpy as np
 
 from ..samples.observations import Observations
 from ..threads import thread_count
-from .evidence import EXPLAINED_LEAST, Z_LEAST, Evidence, highlight_color, weigh_evidence
+from .evidence import EXPLAINED_LEAST, Z_LEAST, Evidence, highlight_color
 from .fit_samples import choose_texels, collect
-from .fit_state import FitState, huber_scale
-from .gloss_fit import center, eliminate_gloss, highlights, move_lights, predict
+from .fit_state import FitState
+from .gloss_fit import move_lights
 from .joint import FIRST_ALPHA, Material
 from .lights import Light
 from .microfacet import BECKMANN, GGX, NAMES, PHONG, Gloss, Microfacets
+from .model_fit import SHAPES, compare, first_half, fit_kind, noise_of, refit, unexplained
 from .phong import lamps
 
-SHAPES = {
-    PHONG: np.geomspace(1, 2048, 12),
-    GGX: np.geomspace(0.015, 0.8, 11),
-    BECKMANN: np.geomspace(0.015, 0.8, 11),
-}
-"""Tried at first; then the best is interpolated."""
+TRIAL, FINAL = 32, 16
+"""One sample in so many of the joint fit's decides, and one in so many is fitted in the end."""
 WORTHWHILE = 1.0
 """dB by which microfacets must predict unseen samples better than Phong's lobe."""
 ROUNDS = 5
@@ -79,76 +77,105 @@ def choose_models(
     shiny = np.sqrt([m.alpha if m.observed else FIRST_ALPHA for m in materials])
     limits = curvature / shiny / (2 * footprint) if curvature > 0 else shiny + np.inf
     # Spend no more on rows of points than on single ones
-    budget = max(samples * len(lights) // (16 * len(lamps(lights, 1.0).gain)), samples // 64)
+    points = len(lamps(lights, 1.0).gain)
+    most = max(samples * len(lights) // points, samples // 8)
 
     with ThreadPoolExecutor(thread_count()) as pool:
 
-        def gather(offset: int, without: np.ndarray) -> FitState:
-            texels, _ = choose_texels(material, counts, turn, limits, budget, offset)
-            texels = np.setdiff1d(texels, without)
-            taken = collect(observations, texels, material[texels])
-            state = FitState(observations, taken, count, pool)
-            state.light(lights)
-            return state
+        def gather(one_in: int) -> tuple[FitState, FitState]:
+            """Samples to fit, and samples of other texels to judge by."""
+            first, other = (
+                choose_texels(material, counts, turn, limits, most // one_in, offset)[0]
+                for offset in (0, 1)
+            )
+            states = [
+                FitState(observations, collect(observations, texels, material[texels]), count, pool)
+                for texels in (first, np.setdiff1d(other, first))
+            ]
+            for state in states:
+                state.light(lights)
+            return states[0], states[1]
 
-        fitted = gather(0, np.zeros(0, np.int64))
-        test = gather(1, fitted.samples.texel)
+        fitted, test = gather(TRIAL)
         if not len(fitted.samples) or not len(test.samples):
             return kept
-        # Fit each to one half of the film, judge it by the other half of other texels
-        seen, unseen = first_half(fitted.samples.offsets), ~first_half(test.samples.offsets)
-        tried = {kind: _fit(fitted, kind, seen, censoring) for kind in SHAPES}
-        phong, noise = tried[PHONG][0], huber_noise(fitted)
-        better = _where(tried[GGX][1] < tried[BECKMANN][1], tried[GGX][0], tried[BECKMANN][0])
-        gain, evidence = _compare(test, phong, better, noise, unseen)
-        wins = (gain >= WORTHWHILE) & np.array([_holds(e) for e in evidence])
+        phong, better, wins = _try_all(fitted, test, censoring)
         if not wins.any():
             return kept
+        known = np.array([m.observed for m in materials])
+        start = _where(wins, better, _where(known, phong, _none(count)))
+        names = range(count) if ids is None else ids
+        return _conclude(*gather(FINAL), kept, phong, start, censoring, names)
 
-        # Fit all of the film, and move the lights
-        observed = np.array([m.observed for m in materials])
-        start = _where(wins, better, _where(observed, phong, _none(count)))
-        everything = np.ones(len(fitted.samples), bool)
-        stay = _refit(fitted, lights, start, everything, censoring)
-        new, gloss = lights, stay
-        for _round in range(ROUNDS):
-            new, change = move_lights(fitted, new, gloss)
-            gloss = _refit(fitted, new, gloss, everything, censoring)
-            if change < STILL:
-                break
-        before, after = (_rest(test, at, with_) for at, with_ in ((lights, stay), (new, gloss)))
-        if after < before:
-            lights = new
-        else:
-            gloss = _refit(fitted, lights, stay, everything, censoring)
-        noise = huber_noise(fitted)
 
-        # Say what came of it, and Phong's numbers under the same lights
-        every = _where(observed, phong, _none(count))
-        for _round in range(2):
-            every = _refit(fitted, lights, every, everything, censoring)
-        test.light(lights)
-        gain, evidence = _compare(
-            test, _where(observed, every, phong), gloss, noise, np.ones(len(test.samples), bool)
-        )
+def _try_all(fitted: FitState, test: FitState, censoring: bool) -> tuple[Gloss, Gloss, np.ndarray]:
+    """Phong's lobes, the better kind of microfacets, and where these win, (M,) bool.
+
+    Each is fitted to one half of the film, and judged by the other half of other texels.
+    """
+    seen, unseen = first_half(fitted.samples.offsets), ~first_half(test.samples.offsets)
+    tried = {kind: fit_kind(fitted, kind, seen, censoring) for kind in SHAPES}
+    phong = tried[PHONG][0]
+    better = _where(tried[GGX][1] < tried[BECKMANN][1], tried[GGX][0], tried[BECKMANN][0])
+    gain, evidence = compare(test, phong, better, noise_of(fitted), unseen)
+    return phong, better, (gain >= WORTHWHILE) & np.array([_shows(e) for e in evidence])
+
+
+def _conclude(
+    fitted: FitState, test: FitState, kept: Models, phong: Gloss, start: Gloss, censoring: bool,
+    ids: Iterable[int],
+) -> Models:  # fmt: skip
+    """Fit all of the film, let the lights move, and say what came of it.
+
+    phong : every material as Phong's lobe; start : the models chosen
+    """
+    lights, count = kept.lights, len(kept.materials)
+    stay = refit(fitted, lights, start, censoring)
+    new, gloss = lights, stay
+    for _round in range(ROUNDS):
+        new, change = move_lights(fitted, new, gloss)
+        gloss = refit(fitted, new, gloss, censoring)
+        if change < STILL:
+            break
+    if unexplained(test, new, gloss) < unexplained(test, lights, stay):
+        lights = new
+    else:
+        gloss = refit(fitted, lights, stay, censoring)
+    noise = noise_of(fitted)
+    for _round in range(2):
+        phong = refit(fitted, lights, phong, censoring)
+    test.light(lights)
+    gain, evidence = compare(test, phong, gloss, noise, np.ones(len(test.samples), bool))
     found = [
         Microfacets(
             int(gloss.kind[m]), float(gloss.facing[m]), float(gloss.grazing[m]),
             float(gloss.shape[m]), highlight_color(evidence[m]), float(gain[m]), float(noise[m]),
-        ) if wins[m] else None
+        ) if start.kind[m] in (GGX, BECKMANN) else None
         for m in range(count)
     ]  # fmt: skip
     renewed = [
-        replace(m, rho_s=float(every.facing[k]), alpha=float(every.shape[k])) if m.observed else m
-        for k, m in enumerate(materials)
+        replace(m, rho_s=float(phong.facing[k]), alpha=float(phong.shape[k])) if m.observed else m
+        for k, m in enumerate(kept.materials)
     ]
-    names = range(count) if ids is None else ids
     notes = [
         f"material {name}: {NAMES[f.kind]} predicts {f.gain_db:.1f} dB better"
-        for name, f in zip(names, found, strict=True)
+        for name, f in zip(ids, found, strict=True)
         if f is not None
     ]
     return Models(found, renewed, lights, notes)
+
+
+def _none(count: int) -> Gloss:
+    return Gloss(np.full(count, -1), np.zeros(count), np.zeros(count), np.ones(count))
+
+
+def _where(condition: np.ndarray, one: Gloss, other: Gloss) -> Gloss:
+    return Gloss(*(np.where(condition, a, b) for a, b in zip(one, other, strict=True)))
+
+
+def _shows(evidence: Evidence) -> bool:
+    """Whether the highlights are there at all."""
+    return evidence.z > Z_LEAST and evidence.explained > EXPLAINED_LEAST
 
 
 def described(
@@ -165,108 +192,3 @@ def described(
         colors.append(phong.color if other is None else other.color)
     kind, *others = np.array(rows, np.float64).reshape(-1, 4).T.copy()
     return Gloss(kind.astype(np.int64), *others), np.array(colors, np.float64).reshape(-1, 3)
-
-
-def first_half(offsets: np.ndarray) -> np.ndarray:
-    """(N,) bool: the first half of each texel's samples, which are in the film's order."""
-    counts = np.diff(offsets)
-    place = np.arange(offsets[-1]) - np.repeat(offsets[:-1], counts)
-    return 2 * place < np.repeat(counts, counts)
-
-
-def huber_noise(state: FitState) -> np.ndarray:
-    """(M,) robust standard deviation of the state's residuals."""
-    return huber_scale(state.samples, state.residual, state.weight, state.materials) / 1.68 * 1.48
-
-
-def _none(count: int) -> Gloss:
-    return Gloss(np.full(count, -1), np.zeros(count), np.zeros(count), np.ones(count))
-
-
-def _where(condition: np.ndarray, one: Gloss, other: Gloss) -> Gloss:
-    return Gloss(*(np.where(condition, a, b) for a, b in zip(one, other, strict=True)))
-
-
-def _fit(state: FitState, kind: int, seen: np.ndarray, censoring: bool) -> tuple[Gloss, np.ndarray]:
-    """All materials as one kind, from nothing; and what it leaves of the samples seen, (M,)."""
-    s = state.samples
-    state.weight = np.where(s.clipped | ~seen, 0, s.quality).astype(np.float32)
-    kinds = np.full(state.materials, kind)
-    grid = SHAPES[kind]
-    rests = [eliminate_gloss(state, kinds, np.full(state.materials, x))[:, 2] for x in grid]
-    shape = grid[np.argmin(rests, axis=0)]
-    step = float(np.log(grid[1] / grid[0])) / 2
-    for _ in range(2):
-        gloss, rest = _interpolate(state, kinds, shape, step)
-        predict(state, gloss)
-        _weigh(state, seen, censoring)
-        shape, step = gloss.shape, step / 3
-    return gloss, rest
-
-
-def _interpolate(
-    state: FitState, kind: np.ndarray, shape: np.ndarray, step: float
-) -> tuple[Gloss, np.ndarray]:
-    """The shapes at the least residual near some, by a parabola in ln shape; and that residual."""
-    left, middle, right = (
-        eliminate_gloss(state, kind, shape * np.exp(x))[:, 2] for x in (-step, 0.0, step)
-    )
-    bend = left - 2 * middle + right
-    shift = np.divide(left - right, 2 * bend, out=np.sign(left - right), where=bend > 0)
-    shape = shape * np.exp(step * np.clip(shift, -1, 1))
-    facing, grazing, rest = eliminate_gloss(state, kind, shape).T
-    return Gloss(kind, facing, grazing, shape), rest
-
-
-def _weigh(state: FitState, seen: np.ndarray, censoring: bool) -> None:
-    state.reweigh(censoring)
-    state.weight[~seen] = 0
-
-
-def _refit(
-    state: FitState, lights: list[Light], gloss: Gloss, seen: np.ndarray, censoring: bool
-) -> Gloss:
-    """The same kinds under other lights; leaves the state's weights and residuals by them."""
-    state.light(lights)
-    predict(state, gloss)
-    _weigh(state, seen, censoring)
-    gloss, _ = _interpolate(state, gloss.kind, gloss.shape, 0.1)
-    predict(state, gloss)
-    _weigh(state, seen, censoring)
-    return gloss
-
-
-def _rest(test: FitState, lights: list[Light], gloss: Gloss) -> float:
-    """What the highlights of some lights leave of samples that no fit has seen."""
-    test.light(lights)
-    s = test.samples
-    weight = np.where(s.clipped, 0, s.quality)
-    error = center(s.luminance - highlights(test, gloss, test.rays, test.gains), weight, s.offsets)
-    own = np.repeat(gloss.kind[s.material] >= 0, np.diff(s.offsets))
-    return float((weight * error**2)[own].sum())
-
-
-def _compare(
-    test: FitState, phong: Gloss, other: Gloss, noise: np.ndarray, unseen: np.ndarray
-) -> tuple[np.ndarray, list[Evidence]]:
-    """By how many dB the other predicts each material better (M,), where either shows a highlight;
-    and what speaks for the other."""
-    s = test.samples
-    weight = np.where(s.clipped | ~unseen, 0, s.quality).astype(np.float32)
-    specular = [highlights(test, gloss, test.rays, test.gains) for gloss in (phong, other)]
-    errors = [center(s.luminance - x, weight, s.offsets) for x in specular]
-    top = np.maximum.reduceat(np.maximum(*specular) * (weight > 0), s.offsets[:-1])
-    shows = np.repeat(top > 3 * noise[s.material], np.diff(s.offsets))
-    owner = np.repeat(s.material, np.diff(s.offsets))
-    rests = [
-        np.bincount(owner[shows], (weight * e**2)[shows], test.materials) + 1e-30 for e in errors
-    ]
-    evidence = weigh_evidence(
-        s, weight, specular[1], errors[1].astype(np.float32), noise, test.chunks
-    )
-    return 10 * np.log10(rests[0] / rests[1]), evidence
-
-
-def _holds(evidence: Evidence) -> bool:
-    """Whether the highlights are there at all."""
-    return evidence.z > Z_LEAST and evidence.explained > EXPLAINED_LEAST

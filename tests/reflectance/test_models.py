@@ -13,7 +13,8 @@ from meshlab_svbrdf.reflectance.gloss_fit import center, moved, strengths
 from meshlab_svbrdf.reflectance.joint import Material
 from meshlab_svbrdf.reflectance.lights import tangents
 from meshlab_svbrdf.reflectance.microfacet import BECKMANN, GGX, PHONG
-from meshlab_svbrdf.reflectance.models import choose_models, described, first_half
+from meshlab_svbrdf.reflectance.model_fit import first_half
+from meshlab_svbrdf.reflectance.models import choose_models, described
 
 T, F = 2500, 160
 LIGHTS = [
