@@ -82,7 +82,7 @@ def wanted(arguments: argparse.Namespace, ledger: Ledger) -> tuple[list[Task], l
         tasks += accuracy.tasks(ledger, cases(every), size or 512, quick)
     if timing.PART in parts:
         for case in cases(["floods_concave" if why_not(LONG) else LONG]):
-            tasks += timing.tasks(ledger, case, size, peers, arguments.minutes)
+            tasks += timing.tasks(ledger, case, size or 512, peers, arguments.minutes)
     if ablation.PART in parts:
         tasks += ablation.tasks(ledger, arguments.cache, size or 512, arguments.scene)
     if photographs.PART in parts:

@@ -1,7 +1,7 @@
 """Run time against error: presets, and what each of their knobs does alone.
 
 Every run is cold: it starts from the frames. Two groups, environment size and visibility, go on
-from the samples of `standard`, and count what these took.
+from the samples of the plain result, and count what these took.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ SHADOWS = "compute_svbrdf_material_specular.shadows"
 PRESET, FRAMES, TEXELS, ENVIRONMENT, SHADOW, PAPER, PEER = (
     "preset", "frames", "texels", "environment", "visibility", "paper", "peer",
 )  # fmt: skip
+EIGHTH = "standard, 1 frame in 8"
 COLUMNS = (
     Column("s", "seconds", "{:.1f}"),
     Column("CPU s", "cpu_seconds", "{:.1f}"),
@@ -37,19 +38,21 @@ COLUMNS = (
 )
 
 
-def setups(texture: int | None) -> dict[str, tuple[str, Setup, bool]]:
-    """By name: group, configuration, and whether it goes on from `standard` (or is that).
+def setups(texture: int) -> dict[str, tuple[str, Setup, bool]]:
+    """By name: group, configuration, and whether it goes on from the plain result (or is that).
 
-    texture : texels of all but the presets and the sweep over texels; None: the presets'
+    texture : texels of the plain result, and of all that changes one knob of it
     """
 
-    def knob(**settings: str) -> Setup:
+    def knob(**settings: int | str) -> Setup:
         return Setup(texture=texture, settings={k: str(v) for k, v in settings.items()})
 
     found = {name: (PRESET, Setup(preset=name), False) for name in PRESETS}
-    found["standard" if texture is None else "base"] = (PRESET, knob(), True)
+    found[EIGHTH] = (FRAMES, Setup(settings={STEP: "8"}), False)
+    found[f"{texture} texels"] = (TEXELS, knob(), True)
+    others = {256, 512} - {texture}
+    found |= {f"{n} texels": (TEXELS, knob(**{TEXTURE: n}), False) for n in sorted(others)}
     found |= {f"1 frame in {n}": (FRAMES, knob(**{STEP: n}), False) for n in (2, 4, 8, 16)}
-    found |= {f"{n} texels": (TEXELS, knob(**{TEXTURE: n}), False) for n in (256, 512, 1024)}
     found |= {f"{n} rows": (ENVIRONMENT, knob(**{HEIGHT: n}), True) for n in (32, 64, 256)}
     found["no visibility"] = (SHADOW, knob(**{VISIBILITY: "never"}), True)
     found |= {f"{n} bands": (SHADOW, knob(**{BANDS: n}), True) for n in (2, 3)}
@@ -61,7 +64,7 @@ def setups(texture: int | None) -> dict[str, tuple[str, Setup, bool]]:
 def tasks(
     ledger: Ledger,
     case: Case,
-    texture: int | None,
+    texture: int,
     peers: Sequence[str] = (),
     minutes: float = 10,
 ) -> list[Task]:
@@ -77,7 +80,7 @@ def tasks(
     return found
 
 
-def _standard(ledger: Ledger, case: Case, texture: int | None):
+def _plain(ledger: Ledger, case: Case, texture: int):
     return solve(case, Setup(texture=texture), ledger.work / PART / "base" / case.name)
 
 
@@ -86,16 +89,15 @@ def _measure(
 ) -> Row:
     start = None
     if onward:
-        start = _standard(ledger, case, setup.texture).document.path.parent
+        assert setup.texture is not None
+        start = _plain(ledger, case, setup.texture).document.path.parent
     return judge(case, solve(case, setup, folder, start), folder) | {"group": group}
 
 
-def _peer(
-    ledger: Ledger, case: Case, name: str, texture: int | None, minutes: float, folder: Path
-) -> Row:
+def _peer(ledger: Ledger, case: Case, name: str, texture: int, minutes: float, folder: Path) -> Row:
     from .peers import peer_scores  # some need packages that the rest does not
 
-    document = _standard(ledger, case, texture).document
+    document = _plain(ledger, case, texture).document
     size = int(document.texels().sizes[0][0])
     scores = peer_scores(
         case.path, document.folder, case.truth, size, folder, [name], minutes=minutes
@@ -110,11 +112,11 @@ def tables(rows: Sequence[Row]) -> list[Table]:
         own = [row for row in rows if row["scene"] == scene]
         fronts = [front(own, key, sign) for key, sign in (("dE_mean", 1), ("psnr_highlights", -1))]
         marked = [
-            row | {"name": row["name"] + "*" * any(row["name"] in names for names in fronts)}
+            row | {"name": row["name"] + " †" * any(row["name"] in names for names in fronts)}
             for row in own
         ]
         made.append(
-            table(scene, marked, COLUMNS, "\\* no faster run is better", eighth(own), scene=False)
+            table(scene, marked, COLUMNS, "† no faster run is better", eighth(own), scene=False)
         )
     return made
 
@@ -147,7 +149,7 @@ def front(rows: Sequence[Row], key: str, sign: int) -> list[str]:
 def eighth(rows: Sequence[Row]) -> str:
     """What one frame in eight loses in the highlights, in words."""
     named = {row["name"]: row.get("psnr_highlights") for row in rows}
-    whole, part = named.get("base", named.get("standard")), named.get("1 frame in 8")
+    whole, part = named.get("standard"), named.get(EIGHTH)
     if whole is None or part is None:
         return ""
     return f"One frame in eight: {part - whole:+.1f} dB in the highlights."
