@@ -63,6 +63,11 @@ FILTER = Filter(
             "0: none.",
         ),
         Parameter(
+            "lens", "bool", False,
+            help="Find how far lens, motion and registration blur highlights beyond what pixels "
+            "do (joint). It takes a surface that bends more here and less there.",
+        ),
+        Parameter(
             "shadows", "enum", "rays", choices=("rays", "harmonics"),
             help="How it is told which light reaches a texel (joint): by a ray to each, or by the "
             "harmonics of the visibility, which blur.",
@@ -185,7 +190,7 @@ def _joint(
         complete=parameters.complete,
         correct_normals=parameters.normals == "auto", rounds=parameters.rounds,
         samples=parameters.samples, near=parameters.near, long=parameters.long,
-        censoring=parameters.censoring, curvature=parameters.curvature,
+        censoring=parameters.censoring, curvature=parameters.curvature, lens=parameters.lens,
         ambient=parameters.ambient, sharp=parameters.sharp,
         microfacets=parameters.reflectance == "auto", ids=ids, progress=progress,
     )  # fmt: skip

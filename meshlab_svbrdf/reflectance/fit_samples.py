@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numba import njit
@@ -45,6 +45,10 @@ class FitSamples:
 
     def __len__(self) -> int:
         return len(self.luminance)
+
+    def blurred(self, times: float) -> FitSamples:
+        """The same samples, blurred by so many times the variance."""
+        return replace(self, blur=self.blur * np.float32([times**0.5] * 3 + [times]))
 
     @property
     def mean_blur(self) -> np.ndarray:

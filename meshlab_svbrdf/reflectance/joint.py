@@ -15,6 +15,7 @@ import numpy as np
 
 from ..samples.observations import Observations
 from ..threads import thread_count
+from .blur_fit import fit_blur
 from .elimination import ALPHAS, Profile
 from .evidence import Evidence, highlight_color, verdict, weigh_evidence
 from .fit_samples import choose_texels, collect
@@ -85,6 +86,7 @@ def fit(
     long: bool = True,
     censoring: bool = True,
     curvature: float = 0.8,
+    lens: bool = False,
     ids: np.ndarray | None = None,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> JointFit:
@@ -100,6 +102,7 @@ def fit(
         end when no ρs or α moves by more than .1 %
     near, long, censoring : near lights; long lamps; clipped samples as lower bounds
     curvature : c of "twice the normal's turn per pixel < c/√α"; 0 takes every texel
+    lens : find how far lens, motion and registration blur highlights beyond what pixels do
     ids : (M,) what the materials are called in notes
     """
     count = int(material.max(initial=-1)) + 1
@@ -109,7 +112,7 @@ def fit(
         why = "no light was found" if not lights else "there is no material"
         return JointFit([], [Material(np.nan, np.nan, False, why)] * count, [], [why])
     counts = observations.store.counts()
-    rho, alpha = np.zeros(count), np.full(count, FIRST_ALPHA)
+    rho, alpha, blur = np.zeros(count), np.full(count, FIRST_ALPHA), 1.0
 
     def gather(
         pool: ThreadPoolExecutor,
@@ -125,7 +128,7 @@ def fit(
         if lacking and note not in notes:
             notes.append(note)
         chosen = np.setdiff1d(chosen, without)
-        taken = collect(observations, chosen, material[chosen])
+        taken = collect(observations, chosen, material[chosen]).blurred(blur)
         return FitState(observations, taken, count, pool)
 
     def renewed(pool: ThreadPoolExecutor) -> FitState:
@@ -167,6 +170,12 @@ def fit(
                     before, samples = samples, _affordable(most, lights)
                     if samples != before:
                         state = renewed(pool)
+                if lens and observations.shape is not None:
+                    few = gather(pool, samples // 8)
+                    blur = fit_blur(_blurred(few, lights, rho, alpha))
+                    state.samples = state.samples.blurred(blur)
+                    if blur > 1:
+                        notes.append(f"frames are blurred, {blur:.1f} times what pixels do")
             progress(r + 1, rounds)
         # Take the whole profiles, which tell how certain α is
         profiles = state.profiles()
@@ -208,6 +217,22 @@ def _trial(
     def unexplained(lights: list[Light]) -> float:
         few.light(lights)
         return float(sum(p.rss.min() for p in few.profiles()))
+
+    return unexplained
+
+
+def _blurred(
+    few: FitState, lights: list[Light], rho: np.ndarray, alpha: np.ndarray
+) -> Callable[[float], float]:
+    """What is left unexplained under more blur, with the weights of this."""
+    few.light(lights)
+    few.predict(rho, alpha)
+    few.reweigh(True)
+    samples = few.samples
+
+    def unexplained(times: float) -> float:
+        few.samples = samples.blurred(times)
+        return float(sum(p.rss.min() for p in few.profiles(alpha)))
 
     return unexplained
 

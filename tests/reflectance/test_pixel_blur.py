@@ -4,11 +4,24 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from analytic import ball, film, free_texels, grey, lamp, lobes, observations_of, orbit, unit
+from analytic import (
+    ball,
+    bumpy_ball,
+    film,
+    free_texels,
+    grey,
+    lamp,
+    lobes,
+    observations_of,
+    orbit,
+    unit,
+)
 
 from meshlab_svbrdf.geometry.surface_shape import surface_shape
 from meshlab_svbrdf.reflectance.fit_samples import collect
+from meshlab_svbrdf.reflectance.fit_state import sample_lobe
 from meshlab_svbrdf.reflectance.joint import fit
+from meshlab_svbrdf.reflectance.phong import lamps, light_texels
 from meshlab_svbrdf.reflectance.pixel_blur import SPREAD
 
 LIGHTS = [lamp([0.3, 0.5, 0.8]), lamp([-0.8, 0.3, 0.3]), lamp([0.1, -0.6, -0.8])]
@@ -107,3 +120,30 @@ def test_the_fit_sees_through_the_blur(tmp_path):
     assert untold.alpha < 0.9 * alpha
     assert told.rho_s == pytest.approx(rho, rel=0.03)
     assert told.alpha == pytest.approx(alpha, rel=0.03)
+
+
+@pytest.mark.parametrize("times", [1.0, 2.5])
+def test_the_fit_finds_how_far_a_film_is_blurred(tmp_path, times):
+    """Where a surface has flatter and steeper places, and a lens may add to the pixels' blur."""
+    texels, cameras = bumpy_ball(1500, 0.1), orbit(120, turns=4, climb=120, fx=100.0)
+    everywhere, material = np.arange(1500), np.zeros(1500, np.int32)
+    scene = film(tmp_path / "a", texels, cameras, LIGHTS, material, [0.0], [1.0],
+                 np.full((1500, 3), 10.0))  # fmt: skip
+    shape = surface_shape(texels.position, texels.normal)
+    o = replace(scene.observations, shape=shape)
+    samples = collect(o, everywhere, material).blurred(times)
+    rays, gains = light_texels(o.view, everywhere, lamps(LIGHTS, 1.0))
+    block = o.store.read(0, 1500)
+    owner = np.repeat(everywhere, np.diff(block.offsets))
+    phi, seen = np.zeros((1500, 120)), np.zeros((1500, 120), np.uint8)
+    seen[owner, block.frame] = block.quality
+    for j, t in enumerate(owner):
+        phi[t, block.frame[j]] = sample_lobe(
+            samples.mirror[j], samples.blur[j], rays[t], gains[t], 100.0
+        )
+    o = observations_of(tmp_path / "b", grey(10.0 + 50.0 * phi), seen, texels, cameras)
+    found = fit(replace(o, shape=shape), material, LIGHTS, np.full(1500, 1.0), 0.02, lens=True)
+    assert found.materials[0].rho_s == pytest.approx(50, rel=0.02)
+    assert found.materials[0].alpha == pytest.approx(100, rel=0.02)
+    told = [float(note.split()[3]) for note in found.notes]
+    assert told == ([] if times == 1 else [pytest.approx(times, rel=0.1)])
