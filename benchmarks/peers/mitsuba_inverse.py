@@ -5,7 +5,7 @@ segmentation is given) and an environment map, so that renderings come near the 
 counts by the slope of sRGB at the frame's pixel; a clipped pixel counts where its rendering is
 darker. The frames' exposures, as our result has them, are taken off. Path replay, direct light.
 
-A map of directions cannot hold near lamps: on a large part of the scenes that is what limits it.
+Its light comes from far away: a map of directions has no place for near lamps.
 """
 
 from __future__ import annotations
