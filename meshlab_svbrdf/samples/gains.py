@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
+from scipy.sparse import csr_array
+from scipy.sparse.linalg import LinearOperator, cg
 
 from .observations import Observations, color
 
 LEAST_SHARED = 100  # samples of texels that other frames see too
+SCALE = 1.5
+"""Robust standard deviations of a residual at which its weight has fallen to a quarter."""
 
 
 @njit(cache=True, nogil=True)
@@ -32,17 +36,19 @@ def _ratios(block, view, stride, logs, texel_of, frame_of, filled):
 
 
 def frame_gains(
-    observations: Observations, samples: int | None = None, rounds: int = 5
+    observations: Observations, samples: int | None = None, rounds: int = 15
 ) -> tuple[np.ndarray, np.ndarray]:
     """Relative brightness of each frame and channel from the texels that frames share.
 
-    In turns, a texel's colour is the median of its samples with the frames' gains taken off, and a
-    frame's gain the median of its samples over their texels' colours: highlights do not matter.
+    ln sample = ln texel + ln gain, by reweighted least squares with the texels eliminated. Medians,
+    of texels and of frames in turns, are where it starts, and weights that vanish for large
+    residuals where it ends: highlights do not matter.
 
     Parameters
     ----------
     observations : the samples
     samples : about how many of them to use; None: 250 000, more for many frames
+    rounds : of reweighting, at most
 
     Returns
     -------
@@ -68,16 +74,51 @@ def frame_gains(
         return gains, residual
     for channel in range(3):
         value, gain = logs[:, channel].astype(np.float64), np.zeros(store.frames)
-        for _ in range(rounds):
+        for _ in range(2):
             left = value - gain[frame]
             left -= _group_median(left, texel)[texel]
-            step = _group_median(left, frame, store.frames)
-            gain += np.nan_to_num(step)
-            gain -= np.median(gain[np.isfinite(step)])
-        gains[:, channel] = np.where(np.isfinite(step), np.exp(gain), np.nan)
+            gain += np.nan_to_num(_group_median(left, frame, store.frames))
+        gain, left = _reweighted(value, gain, texel, frame, rounds)
+        seen = np.bincount(frame, minlength=store.frames) > 0
+        gain -= np.median(gain[seen])
+        gains[:, channel] = np.where(seen, np.exp(gain), np.nan)
         if channel == 1:
             residual = _group_median(np.abs(left), frame, store.frames)
     return gains, residual
+
+
+def _reweighted(
+    value: np.ndarray, gain: np.ndarray, texel: np.ndarray, frame: np.ndarray, rounds: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """ln gains (F,) and residuals of value = texel + gain, by weights 1/(1 + (e/h)²)²."""
+    texel, count = np.unique(texel, return_inverse=True)[1], len(gain)
+    left = value - gain[frame]
+    left -= _group_median(left, texel)[texel]
+    for _ in range(rounds):
+        scale = max(SCALE * 1.4826 * float(np.median(np.abs(left))), 1e-4)
+        weight = 1 / (1 + (left / scale) ** 2) ** 2
+        # Eliminate the texels: (diag Σw − Sᵀ S/W) gain = Σ w value − Sᵀ (Σ w value)/W
+        shared = csr_array((weight, (texel, frame)), shape=(texel.max() + 1, count))
+        per_texel, per_frame = np.bincount(texel, weight), np.bincount(frame, weight, count)
+        level = np.bincount(texel, weight * value) / per_texel
+        product = np.bincount(frame, weight * value, count) - shared.T @ level
+
+        inertia = np.maximum(per_frame, 1e-12)  # frames without samples stay where they are
+
+        def normal(g, shared=shared, per_texel=per_texel, per_frame=per_frame):
+            return per_frame * g - shared.T @ (shared @ g / per_texel)
+
+        found, _ = cg(
+            LinearOperator((count, count), normal), product, gain, rtol=1e-6, maxiter=200,
+            M=LinearOperator((count, count), lambda g, d=inertia: g / d),
+        )  # fmt: skip
+        step = float(np.abs(found - gain - np.median(found - gain)).max())
+        gain = found
+        left = value - gain[frame]
+        left -= (np.bincount(texel, weight * left) / per_texel)[texel]
+        if step < 1e-4:
+            break
+    return gain, left
 
 
 def gain_spread(gains: np.ndarray) -> float:

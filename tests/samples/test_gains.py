@@ -40,6 +40,17 @@ def test_gains_are_found_to_a_common_factor(tmp_path, truth, highlights):
     assert residual.max() < 0.05
 
 
+def test_frames_that_see_more_highlights_are_not_brighter(tmp_path):
+    """Many weak highlights in some frames shift medians; the samples that agree tell."""
+    rng = np.random.default_rng(3)
+    linear = rng.uniform(0.08, 0.4, (T, 1, 1)) * np.exp(0.02 * rng.normal(size=(T, F, 3)))
+    shiny = rng.random((T, F, 1)) < np.linspace(0, 0.45, F)[:, None]
+    linear = np.where(shiny, linear * rng.uniform(1.1, 2, (T, F, 1)), linear)
+    quality = np.full((T, F), 127)
+    found, _ = frame_gains(observations_of(tmp_path, to_srgb8(linear), quality, ball(T), orbit(F)))
+    np.testing.assert_allclose(found, 1, rtol=0.02)
+
+
 def test_equal_frames_have_gain_one(tmp_path):
     found, residual = frame_gains(filmed(tmp_path, np.ones((F, 3))))
     np.testing.assert_allclose(found, 1, rtol=0.01)
