@@ -117,18 +117,23 @@ def fit(
     def gather(
         pool: ThreadPoolExecutor,
         budget: int,
-        offset: int = 0,
         without: Sequence[int] | np.ndarray = (),
     ) -> FitState:
         shiny = np.sqrt(np.maximum(alpha, FIRST_ALPHA))
         limits = curvature / shiny / (2 * footprint) if curvature > 0 else shiny + np.inf
-        chosen, lacking = choose_texels(material, counts, turn, limits, budget, offset)
+        left = counts.copy()
+        left[np.asarray(without, np.int64)] = 0
+        chosen, lacking = choose_texels(material, left, turn, limits, budget)
         named = [int(ids[m]) for m in lacking] if ids is not None else lacking
         note = f"materials {named} are curved nearly everywhere: their gloss is less certain"
-        if lacking and note not in notes:
+        if lacking and not len(without) and note not in notes:
             notes.append(note)
+<<<<<<< meshlab_svbrdf/reflectance/joint.py
+        taken = collect(observations, chosen, material[chosen])
+=======
         chosen = np.setdiff1d(chosen, without)
         taken = collect(observations, chosen, material[chosen]).blurred(blur)
+>>>>>>> /tmp/w/fit/n.tmp
         return FitState(observations, taken, count, pool)
 
     def renewed(pool: ThreadPoolExecutor) -> FitState:
@@ -183,7 +188,7 @@ def fit(
         alpha = np.array([p.alpha for p in profiles])
         state.predict(rho, alpha)
         # Judge by texels that the fit has not used whether it explains anything
-        test = gather(pool, samples // 4, offset=1, without=state.samples.texel)
+        test = gather(pool, samples // 4, without=state.samples.texel)
         test.light(lights)
         test.predict(rho, alpha)
         noise = huber_scale(state.samples, state.residual, state.weight, count) / 1.68 * 1.48

@@ -19,7 +19,7 @@ from ..samples.observations import Observations, View, fill_visibility, visibili
 from ..threads import thread_count
 from .fit_samples import choose_texels, collect
 from .fit_state import FitState
-from .joint import FIRST_ALPHA, WEAKEST, JointFit, fit
+from .joint import FIRST_ALPHA, JointFit, fit
 from .light_evidence import hear
 from .lights import Light
 
@@ -32,6 +32,9 @@ APART = np.radians(15)
 """From the lights known: nearer residuals are those of their own shape."""
 CLEAR = 5.0
 """N over its standard error, texels taken as independent."""
+FAINTEST = 0.08
+"""Of the strongest gain, below which there is no lamp: what lobes unlike Phong's leave
+around a lamp looks like one of up to a thirtieth."""
 WORTHWHILE = 0.01
 """Share of what is left unexplained that a missed lamp would take away."""
 AGREED = 0.7
@@ -125,7 +128,7 @@ def brightest(residue: Residue, lights: list[Light]) -> Light | None:
     """The lamp that would explain most, apart from the lights known; None where none is clear."""
     known = np.array([light.direction for light in lights])
     apart = (residue.direction @ known.T).max(1) < np.cos(APART)
-    least = WEAKEST * max(light.gain for light in lights)
+    least = FAINTEST * max(light.gain for light in lights)
     usable = apart & (residue.z > CLEAR) & (residue.gain > least) & (residue.share > WORTHWHILE)
     if not usable.any():
         return None

@@ -261,7 +261,7 @@ def test_threads_change_nothing(scene, monkeypatch):
 
 
 def test_evidence_is_of_texels_that_the_fit_has_not_used(scene, monkeypatch):
-    """Whatever the strides of the two choices are."""
+    """Whatever the strides of the two choices are; and there are some of every material."""
     used, collect = [], module.collect
 
     def record(observations, texel, material):
@@ -269,9 +269,12 @@ def test_evidence_is_of_texels_that_the_fit_has_not_used(scene, monkeypatch):
         return collect(observations, texel, material)
 
     monkeypatch.setattr(module, "collect", record)
-    run(scene, samples=len(scene.observations.store) * 2 // 5)
-    assert len(used[-1]) > 0
-    assert not np.intersect1d(used[-1], used[-2]).size
+    for share in (0.4, 0.9, 9.0):
+        used.clear()
+        run(scene, samples=int(share * len(scene.observations.store)))
+        _, fitted, _, judged = used  # at first, from round 2 on, for the lengths of lamps, and then
+        assert not np.intersect1d(judged, fitted).size
+        assert (np.bincount(scene.material[judged], minlength=3) > 20).all()
 
 
 def test_fewer_samples_find_the_same(scene):
