@@ -128,12 +128,7 @@ def fit(
         note = f"materials {named} are curved nearly everywhere: their gloss is less certain"
         if lacking and not len(without) and note not in notes:
             notes.append(note)
-<<<<<<< meshlab_svbrdf/reflectance/joint.py
-        taken = collect(observations, chosen, material[chosen])
-=======
-        chosen = np.setdiff1d(chosen, without)
         taken = collect(observations, chosen, material[chosen]).blurred(blur)
->>>>>>> /tmp/w/fit/n.tmp
         return FitState(observations, taken, count, pool)
 
     def renewed(pool: ThreadPoolExecutor) -> FitState:
