@@ -48,7 +48,7 @@ class FitSamples:
 
     def blurred(self, times: float) -> FitSamples:
         """The same samples, blurred by so many times the variance."""
-        return replace(self, blur=self.blur * np.float32([times**0.5] * 3 + [times]))
+        return replace(self, blur=self.blur * np.array([times**0.5] * 3 + [times], np.float32))
 
     @property
     def mean_blur(self) -> np.ndarray:
