@@ -98,7 +98,8 @@ def main() -> None:
         except SvbrdfError as error:
             raise SystemExit(str(error)) from error
     Console(width=None if sys.stdout.isatty() else 120).print(table(results))
-    print(*over_time(results), sep="\n")
+    for line in over_time(results):
+        print(line)
 
 
 if __name__ == "__main__":
