@@ -118,7 +118,7 @@ def find_sheen(
     material: np.ndarray,
     tried: np.ndarray,
     *,
-    trial_texels: int = 6_000,
+    trial_texels: int = 4_000,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> Sheen | None:
     """The sheen of the materials that are `tried`, where it predicts frames that it has not seen.
