@@ -9,7 +9,6 @@ import numpy as np
 
 from meshlab_svbrdf.document.document import Document
 from meshlab_svbrdf.progress import Progress
-from meshlab_svbrdf.reflectance.joint import Material
 from meshlab_svbrdf.reflectance.sheen import Sheen, find_sheen
 from meshlab_svbrdf.rendering.acquisition import Appearance
 from meshlab_svbrdf.samples.observations import with_normals
@@ -19,17 +18,19 @@ from ._stages import counted, read_observations
 
 
 def seek_sheen(
-    document: Document, labels: np.ndarray, materials: list[Material], normal: np.ndarray | None,
+    document: Document, labels: np.ndarray, observed: np.ndarray, normal: np.ndarray | None,
     progress: Progress,
 ) -> Sheen | None:  # fmt: skip
-    """Sheen, where no material shows a lamp; seen with corrected normals or the mesh's."""
-    if any(m.observed for m in materials):
+    """The sheen, if none of the materials is `observed` (M,): if none shows a lamp.
+
+    normal : (T, 3), corrected; None: the mesh's
+    """
+    if observed.any():
         return None
-    tried = np.ones(len(materials), bool)
     observations = read_observations(document, visibility=False)
     if normal is not None:
         observations = with_normals(observations, normal)
-    return find_sheen(observations, labels, tried, progress=counted(progress, "sheen"))
+    return find_sheen(observations, labels, ~observed, progress=counted(progress, "sheen"))
 
 
 def set_sheen(document: Document, sheen: Sheen, ids: np.ndarray) -> dict[str, Any]:

@@ -147,7 +147,9 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
         if found.normal is not None:
             document.set_attribute("refined_normal", found.normal)
         if parameters.sheen == "auto":
-            sheen = seek_sheen(document, dense, materials, found.normal, progress.part(0.95, 1))
+            pairs = zip(materials, microfacets, strict=True)
+            observed = np.array([m.observed or f is not None for m, f in pairs], bool)
+            sheen = seek_sheen(document, dense, observed, found.normal, progress.part(0.95, 1))
     if sheen is not None:
         notes = [*notes, sheen_note(sheen, ids, dense)]
 

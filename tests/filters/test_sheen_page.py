@@ -7,7 +7,6 @@ from totems import GLOSS, WALK, copied
 from meshlab_svbrdf.document.document import Document
 from meshlab_svbrdf.filters import _sheen, compute_svbrdf_material_specular
 from meshlab_svbrdf.filters.generate_svbrdf_rendering import read_appearance
-from meshlab_svbrdf.reflectance.joint import Material
 from meshlab_svbrdf.reflectance.sheen import Sheen
 
 
@@ -52,5 +51,5 @@ def test_sheen_is_kept_beside_the_diffuse_colour(result, monkeypatch):
 
 def test_it_is_not_sought_where_a_lamp_shows(result):
     labels = result.attribute("material")
-    materials = [Material(np.nan, np.nan, False), Material(30.0, 40.0, True)]
-    assert _sheen.seek_sheen(result, labels, materials, None, lambda *a: None) is None
+    observed = np.array([False, True])
+    assert _sheen.seek_sheen(result, labels, observed, None, lambda *a: None) is None
