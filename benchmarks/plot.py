@@ -40,7 +40,9 @@ def time_plot(rows: Sequence[Row], path: Path) -> None:
             own = [(row["seconds"], row[key]) for row in shown if row["group"] == group]
             if own:
                 size = 80 if group == PRESET else 36
-                axis.scatter(*zip(*own, strict=True), size, color, marker, label=words, zorder=3)
+                axis.scatter(
+                    *zip(*own, strict=True), s=size, c=color, marker=marker, label=words, zorder=3
+                )
         slow = [(row["seconds"], row[key]) for row in shown if "over_time" in row]
         if slow:
             axis.plot(*zip(*slow, strict=True), color=STYLES[PEER][0], linewidth=1, alpha=0.5)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from totems import TEXELS, WALK, film, run
 
-from benchmarks import ablation, photographs, timing
+from benchmarks import ablation, documents, photographs, timing
 from benchmarks.__main__ import judge_result
 from benchmarks.cases import VARIABLE, Case, available, why_not
 from benchmarks.documents import PAGE, PARTS, README, presets_table
@@ -128,6 +128,44 @@ def test_the_documentation_has_a_place_for_every_part():
         assert f"<!-- benchmark: {part.PART} -->" in text
     assert presets_table() in text, "run python -m benchmarks --docs"
     assert f"<!-- benchmark: {timing.PART} -->" in README.read_text(encoding="utf-8")
+
+
+def test_tables_and_plot_go_into_the_documentation(monkeypatch, tmp_path):
+    pytest.importorskip("matplotlib", reason="the plot needs the extra [docs]")
+    for name in ("PAGE", "README"):
+        copy = tmp_path / name
+        copy.write_bytes(getattr(documents, name).read_bytes())
+        monkeypatch.setattr(documents, name, copy)
+    monkeypatch.setattr(documents, "PICTURE", tmp_path / "plot.png")
+    base = {"scene": "s", "seconds": 1.0, "dE_mean": 0.5, "psnr_highlights": 40.0}
+    looks = [{"seconds": s, "dE_mean": 1 / s, "psnr_highlights": s} for s in (60.0, 120.0)]
+    rows = {
+        "time": [
+            base | {"name": "draft", "group": timing.PRESET},
+            base | {"name": "slow", "group": timing.PEER, "over_time": looks},
+            base | {"name": "broken", "error": "why"},
+        ],
+        "ablation": [
+            base | {"name": f"joint: {ablation.BASE}", "change": ""},
+            base | {"name": "joint: other", "change": "compute_svbrdf_a.b=1",
+                    "psnr_highlights": 39.0},
+        ],
+        "accuracy": [base | {"name": "joint", "lights_missed": 0, "lights_false": 0,
+                             "light_deg": 0.1}],
+        "photographs": [base | {"name": photographs.PLAIN, "frames": 2, "share": 0.9,
+                                "psnr": {"mean": [17.0, 18.0], "full": [18.0, 19.0]}}],
+    }  # fmt: skip
+    documents.write_documents(rows)
+    page, readme = documents.PAGE.read_text(), documents.README.read_text()
+    assert "| broken | failed: why |" in page
+    assert "| slow 120 s † |" in page
+    assert "| other (a.b=1) |" in page
+    assert "| -1.0 |" in page
+    assert "all found and no other on 1 of 1 scenes" in page
+    assert "| diffuse and specular | 18.50 | 18.00 | +1.00 |" in page
+    assert "| slow 60 s |" in readme
+    assert "broken" not in readme
+    assert documents.PICTURE.stat().st_size > 10_000
 
 
 def test_the_front_holds_what_no_faster_run_equals():
