@@ -1,7 +1,7 @@
 """The joint fit's steps for any kind of gloss: eliminate, predict, and move the lights.
 
 y_ij = D_i + a_m ψ_ij + b_m ψ₅_ij is linear in D_i, a and b, as it is with Phong's lobe: D_i drops
-out exactly, and a and b ≥ 0 follow from five sums for each roughness tried.
+out exactly, and a and b follow from five sums for each roughness tried.
 """
 
 from __future__ import annotations
@@ -19,6 +19,8 @@ from .phong import lamps, light_texels
 STEP = 0.05
 """Largest move of a light in a round, radians; κ takes three of them."""
 DAMPING = 0.01
+LEAST_F0 = 0.02
+"""Water's: hardly anything mirrors less."""
 NUDGE = 1e-3
 """By which a light's parameters are moved to see what its highlights do."""
 
@@ -57,7 +59,7 @@ def _sums(
 
 
 def strengths(sums: np.ndarray) -> tuple[float, float, float]:
-    """a, b ≥ 0 and what they leave, from one material's sums (6,)."""
+    """a, b and what they leave, from one material's sums (6,); b ≥ 0 and F₀ = a/(a + b) ≥ .02."""
     pp, pq, qq, py, qy, yy = sums
     best = (0.0, 0.0, yy)
 
@@ -67,12 +69,14 @@ def strengths(sums: np.ndarray) -> tuple[float, float, float]:
     candidates = []
     if pp > 0:
         candidates.append(rest(max(py / pp, 0), 0.0))
+    f, g = LEAST_F0, 1 - LEAST_F0
     if qq > 0:
-        candidates.append(rest(0.0, max(qy / qq, 0)))
+        k = max((f * py + g * qy) / (f * f * pp + 2 * f * g * pq + g * g * qq), 0)
+        candidates.append(rest(f * k, g * k))
     determinant = pp * qq - pq * pq
     if determinant > 1e-9 * pp * qq:
         a, b = (py * qq - qy * pq) / determinant, (qy * pp - py * pq) / determinant
-        if a >= 0 and b >= 0:
+        if b >= 0 and a >= f * (a + b):
             candidates.append(rest(a, b))
     return min([best, *candidates], key=lambda c: c[2])
 

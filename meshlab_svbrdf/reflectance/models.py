@@ -29,6 +29,8 @@ TRIAL, FINAL = 32, 16
 """One sample in so many of the joint fit's decides, and one in so many is fitted in the end."""
 WORTHWHILE = 1.0
 """dB by which microfacets must predict unseen samples better than Phong's lobe."""
+ROUGHEST = 0.75
+"""Of the roughest tried, from which on it is no highlight but shading."""
 ROUNDS = 5
 """Of elimination and a step of the lights, at most, once it is known which model describes what."""
 STILL = 1e-3
@@ -103,9 +105,16 @@ def choose_models(
         if not wins.any():
             return kept
         known = np.array([m.observed for m in materials])
-        start = _where(wins, better, _where(known, phong, _none(count)))
-        names = range(count) if ids is None else ids
-        return _conclude(*gather(FINAL), kept, phong, start, censoring, names)
+        # Ask again whether they win, now by all of the film and under the lights as they move
+        names = list(range(count) if ids is None else ids)
+        final = gather(FINAL)
+        while wins.any():
+            start = _where(wins, better, _where(known, phong, _none(count)))
+            found, sure = _conclude(*final, kept, phong, start, censoring, names)
+            if sure[wins].all():
+                return found
+            wins &= sure
+    return kept
 
 
 def _try_all(fitted: FitState, test: FitState, censoring: bool) -> tuple[Gloss, Gloss, np.ndarray]:
@@ -118,40 +127,46 @@ def _try_all(fitted: FitState, test: FitState, censoring: bool) -> tuple[Gloss, 
     phong = tried[PHONG][0]
     better = _where(tried[GGX][1] < tried[BECKMANN][1], tried[GGX][0], tried[BECKMANN][0])
     gain, evidence = compare(test, phong, better, noise_of(fitted), unseen)
-    return phong, better, (gain >= WORTHWHILE) & np.array([_shows(e) for e in evidence])
+    smooth, *_, rough = SHAPES[GGX]
+    inside = (better.shape > 1.01 * smooth) & (better.shape < ROUGHEST * rough)
+    return phong, better, inside & _wins(gain, evidence)
 
 
 def _conclude(
     fitted: FitState, test: FitState, kept: Models, phong: Gloss, start: Gloss, censoring: bool,
     ids: Iterable[int],
-) -> Models:  # fmt: skip
+) -> tuple[Models, np.ndarray]:  # fmt: skip
     """Fit all of the film, let the lights move, and say what came of it.
+
+    The lights that leave least unexplained of the test's samples are taken. Also returned: where
+    the models chosen win in the end, (M,) bool.
 
     phong : every material as Phong's lobe; start : the models chosen
     """
-    lights, count = kept.lights, len(kept.materials)
-    stay = refit(fitted, lights, start, censoring)
-    new, gloss = lights, stay
-    for _round in range(ROUNDS):
-        new, change = move_lights(fitted, new, gloss)
-        gloss = refit(fitted, new, gloss, censoring)
-        if change < STILL:
-            break
-    if unexplained(test, new, gloss) < unexplained(test, lights, stay):
-        lights = new
-    else:
-        gloss = refit(fitted, lights, stay, censoring)
+    found = [(kept.lights, refit(fitted, kept.lights, start, censoring))]
+    # A lobe of the wrong shape may have made a lamp long or wide that is not
+    compact = [replace(light, bar=np.zeros(3), breadth=0.0) for light in kept.lights]
+    for lights in [kept.lights, compact][: 1 + any(light.bar.any() for light in kept.lights)]:
+        gloss = refit(fitted, lights, start, censoring)
+        for _round in range(ROUNDS):
+            lights, change = move_lights(fitted, lights, gloss)
+            gloss = refit(fitted, lights, gloss, censoring)
+            if change < STILL:
+                break
+        found.append((lights, gloss))
+    lights, gloss = min(found, key=lambda each: unexplained(test, *each))
+    gloss = refit(fitted, lights, gloss, censoring)
     noise = noise_of(fitted)
     for _round in range(2):
         phong = refit(fitted, lights, phong, censoring)
     test.light(lights)
     gain, evidence = compare(test, phong, gloss, noise, np.ones(len(test.samples), bool))
-    found = [
+    chosen = [
         Microfacets(
             int(gloss.kind[m]), float(gloss.facing[m]), float(gloss.grazing[m]),
             float(gloss.shape[m]), highlight_color(evidence[m]), float(gain[m]), float(noise[m]),
         ) if start.kind[m] in (GGX, BECKMANN) else None
-        for m in range(count)
+        for m in range(len(kept.materials))
     ]  # fmt: skip
     renewed = [
         replace(m, rho_s=float(phong.facing[k]), alpha=float(phong.shape[k])) if m.observed else m
@@ -159,10 +174,10 @@ def _conclude(
     ]
     notes = [
         f"material {name}: {NAMES[f.kind]} predicts {f.gain_db:.1f} dB better"
-        for name, f in zip(ids, found, strict=True)
+        for name, f in zip(ids, chosen, strict=True)
         if f is not None
     ]
-    return Models(found, renewed, lights, notes)
+    return Models(chosen, renewed, lights, notes), _wins(gain, evidence)
 
 
 def _none(count: int) -> Gloss:
@@ -173,9 +188,10 @@ def _where(condition: np.ndarray, one: Gloss, other: Gloss) -> Gloss:
     return Gloss(*(np.where(condition, a, b) for a, b in zip(one, other, strict=True)))
 
 
-def _shows(evidence: Evidence) -> bool:
-    """Whether the highlights are there at all."""
-    return evidence.z > Z_LEAST and evidence.explained > EXPLAINED_LEAST
+def _wins(gain: np.ndarray, evidence: list[Evidence]) -> np.ndarray:
+    """Where it is worthwhile and the highlights are there at all, (M,) bool."""
+    there = [e.z > Z_LEAST and e.explained > EXPLAINED_LEAST for e in evidence]
+    return (gain >= WORTHWHILE) & np.array(there)
 
 
 def described(

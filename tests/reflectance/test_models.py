@@ -9,7 +9,7 @@ import pytest
 from analytic import angle, bumpy_ball, film, lamp, lobes, orbit, unit, view_vectors
 from scipy.optimize import nnls
 
-from meshlab_svbrdf.reflectance.gloss_fit import center, moved, strengths
+from meshlab_svbrdf.reflectance.gloss_fit import LEAST_F0, center, moved, strengths
 from meshlab_svbrdf.reflectance.joint import Material
 from meshlab_svbrdf.reflectance.lights import tangents
 from meshlab_svbrdf.reflectance.microfacet import BECKMANN, GGX, PHONG
@@ -147,14 +147,16 @@ def test_half_a_film():
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_strengths_are_the_non_negative_least_squares(seed):
+def test_strengths_are_the_least_squares_with_b_positive_and_f0_of_a_surface(seed):
+    """k₁ (1, 0) + k₂ (F₀, 1 − F₀) with k ≥ 0 are all that may be."""
     rng = np.random.default_rng(seed)
     columns, y = rng.normal(size=(30, 2)), rng.normal(size=30)
+    edges = np.array([[1, LEAST_F0], [0, 1 - LEAST_F0]])
     (pp, pq), (_, qq) = columns.T @ columns
     (py, qy), yy = columns.T @ y, y @ y
     a, b, rest = strengths(np.array([pp, pq, qq, py, qy, yy]))
-    expected, norm = nnls(columns, y)
-    np.testing.assert_allclose([a, b], expected, atol=1e-12)
+    expected, norm = nnls(columns @ edges, y)
+    np.testing.assert_allclose([a, b], edges @ expected, atol=1e-12)
     assert rest == pytest.approx(norm**2)
 
 
