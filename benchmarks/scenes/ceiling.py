@@ -53,12 +53,13 @@ def render_truth(truth: Path, folder: Path, texture: int = 512) -> None:
 
 
 def _diffuse(truth: Path, texture: int) -> np.ndarray:
-    """Albedo times irradiance, (S, S, 3) linear, NaN off the charts.
+    """Albedo times irradiance, (S, S, 3) linear, gutters filled.
 
     Where a scene holds it at half its size only, irradiance is interpolated between the texels.
     """
     if (truth / "diffuse_full.exr").is_file():
-        return read_exr(truth / "diffuse_full.exr")
+        full = read_exr(truth / "diffuse_full.exr").astype(np.float64)
+        return _shrunk(fill_gutters(full, np.isfinite(full).all(-1)), texture)
     shaded = read_exr(truth / "diffuse_shaded.exr").astype(np.float64)
     albedo = decode(read_image(truth / "albedo.png")[..., :3] / 255)
     mask = (read_image(truth / "texel_mask.png") > 127).astype(np.float64)
@@ -70,7 +71,10 @@ def _diffuse(truth: Path, texture: int) -> np.ndarray:
     light[inside] = (shaded * part[..., None] / np.maximum(mean, 1e-6))[inside]
     light = fill_gutters(light, inside)
     made = albedo * cv2.resize(light, albedo.shape[1::-1], interpolation=cv2.INTER_LINEAR)
-    made = fill_gutters(made, mask > 0)
-    if texture < len(made):
-        made = cv2.resize(made, (texture, texture), interpolation=cv2.INTER_AREA)
-    return made
+    return _shrunk(fill_gutters(made, mask > 0), texture)
+
+
+def _shrunk(image: np.ndarray, texture: int) -> np.ndarray:
+    if texture >= len(image):
+        return image
+    return cv2.resize(image, (texture, texture), interpolation=cv2.INTER_AREA)

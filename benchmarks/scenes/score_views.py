@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -29,8 +30,7 @@ def unseen_views(rendered: Path, truth: Path) -> dict[str, Any]:
     """
     everywhere, highlights, inner, similar, similar_highlights = [], [], [], [], []
     project = read_project(truth / "views" / "project.mlp")
-    renderer = _border_renderer(read_mesh(project.meshes[0].path).mesh, truth)
-    for raster in project.rasters:
+    for raster, inside in zip(project.rasters, _inner(truth), strict=True):
         expected, got = (
             read_image(p)[..., :3].astype(np.float64)
             for p in (raster.path, rendered / raster.path.name)
@@ -39,8 +39,6 @@ def unseen_views(rendered: Path, truth: Path) -> dict[str, Any]:
         whole = cv2.morphologyEx(on, cv2.MORPH_CLOSE, _FIVE)
         on = cv2.erode(whole, _FIVE) > 0
         got = np.where(whole[..., None] > 0, got, expected)  # what is around does not count
-        border, coverage = renderer.render(raster.camera, 1)
-        inside = cv2.erode(((coverage > 0) & (border[..., 0] == 0)).astype(np.uint8), _FIVE) > 0
         square, bright = ((expected - got) ** 2).mean(-1), expected.mean(-1)[on]
         everywhere.append(_psnr(square[on]))
         high = bright >= np.quantile(bright, 0.9)
@@ -57,6 +55,19 @@ def unseen_views(rendered: Path, truth: Path) -> dict[str, Any]:
         "ssim": float(np.mean(similar)),
         "ssim_highlights": float(np.mean(similar_highlights)),
     }
+
+
+@lru_cache(maxsize=2)
+def _inner(truth: Path) -> list[np.ndarray]:
+    """Of each view, the pixels away from silhouettes and from borders of materials, (H, W) bool."""
+    project = read_project(truth / "views" / "project.mlp")
+    renderer = _border_renderer(read_mesh(project.meshes[0].path).mesh, truth)
+    found = []
+    for raster in project.rasters:
+        border, coverage = renderer.render(raster.camera, 1)
+        inside = (coverage > 0) & (border[..., 0] == 0)
+        found.append(cv2.erode(inside.astype(np.uint8), _FIVE) > 0)
+    return found
 
 
 def _border_renderer(mesh: Mesh, truth: Path) -> AcquisitionRenderer:
