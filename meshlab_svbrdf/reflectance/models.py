@@ -31,7 +31,7 @@ WORTHWHILE = 1.0
 """dB by which microfacets must predict unseen samples better than Phong's lobe."""
 ROUGHEST = 0.75
 """Of the roughest tried, from which on it is no highlight but shading."""
-ROUNDS = 5
+ROUNDS = 8
 """Of elimination and a step of the lights, at most, once it is known which model describes what."""
 STILL = 1e-3
 """Change of a light's angles (radians), ln gain and κ below which the rounds end."""

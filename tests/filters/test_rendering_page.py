@@ -1,5 +1,6 @@
 """generate_svbrdf_rendering: names of files, grey around the object, what it refuses."""
 
+import json
 from pathlib import Path
 
 import cv2
@@ -61,6 +62,27 @@ def test_it_shows_the_last_estimators_maps(result, views, tmp_path):
     brighter = read_image(plain / "view_00.png").astype(int) - paper
     assert brighter.min() >= 0
     assert brighter.max() > 10
+
+
+def test_microfacets_are_shown_unless_the_lobe_is_asked_for(result, views, tmp_path):
+    """The first observed material gets some, in its JSON only; D is the same in both."""
+
+    def show(name: str, **options) -> np.ndarray:
+        result.apply(RENDER, cameras=views, folder=tmp_path / name, **options)
+        return read_image(tmp_path / name / "view_00.png")
+
+    before = show("before")
+    path = result.folder / "materials.json"
+    told = json.loads(path.read_text())
+    material = next(m for m in told["materials"] if m["observed"])
+    material["reflectance"] = {
+        "model": "ggx", "strength": 1.0, "roughness": 0.3, "f0": 0.5, "color": [1, 1, 1],
+        "gain_db": 3.0,
+    }  # fmt: skip
+    path.unlink()  # it is linked to the one that other tests read
+    path.write_text(json.dumps(told))
+    np.testing.assert_array_equal(show("phong", reflectance="phong"), before)
+    assert (show("best") != before).any()
 
 
 def test_what_it_refuses(result, views, tmp_path):

@@ -7,6 +7,7 @@ import pytest
 from analytic import ORIGIN, lamp, look_at, plane, sphere, unit
 
 from meshlab_svbrdf.geometry.mesh import Mesh
+from meshlab_svbrdf.reflectance.microfacet import GGX
 from meshlab_svbrdf.rendering.acquisition import NEGLIGIBLE, AcquisitionRenderer, Appearance
 
 D = np.array([0.2, 0.1, 0.05])
@@ -91,6 +92,39 @@ def test_a_sphere_is_equation_1_at_every_pixel():
     error = image[hit] - (D + expected[:, None])
     assert np.abs(error).max() < 0.005  # facets of 2°
     assert image[hit].max() > 0.5
+
+
+@pytest.mark.parametrize("eye", EYES)
+def test_microfacets_stand_for_the_lobe(eye):
+    """GGX with Schlick's Fresnel and Smith's shadowing, pixel by pixel; Phong's texels beside."""
+    a, b, roughness = 0.02, 0.4, 0.3
+    mesh, light, camera = plane(1.0), lamp((0.3, 0.2, 1), 1.6), look_at(eye)
+    half = np.zeros((16, 16), int)
+    half[:, 8:] = GGX
+    phong = look()
+    mixed = replace(
+        phong,
+        rho_s=np.where(half == GGX, a, RHO),
+        alpha=np.where(half == GGX, roughness, ALPHA),
+        kind=half,
+        grazing=np.where(half == GGX, b, 0.0),
+    )
+    image, coverage = AcquisitionRenderer(mesh, [mixed], [light]).render(camera, 1)
+    points = on_plane(camera)
+    v, l = unit(camera.center - points), light.direction
+    h = unit(l + v)
+    d = roughness**2 / np.pi / (h[..., 2] ** 2 * (roughness**2 - 1) + 1) ** 2
+    g = 1.0
+    for c in (l[2], v[..., 2]):
+        g = g * 2 * c / (c + np.sqrt(roughness**2 + (1 - roughness**2) * c**2))
+    fresnel = a + b * (1 - (h * l).sum(-1)) ** 5
+    expected = light.gain * d * g * fresnel / (4 * v[..., 2])
+    right = (coverage > 0) & (points[..., 0] > 0.1)
+    left = (coverage > 0) & (points[..., 0] < -0.1)
+    expected[expected < NEGLIGIBLE] = 0
+    np.testing.assert_allclose(image[right], D + expected[right][:, None], atol=1.1 * NEGLIGIBLE)
+    same, _ = AcquisitionRenderer(mesh, [phong], [light]).render(camera, 1)
+    np.testing.assert_array_equal(image[left], same[left])
 
 
 def test_without_lights_or_gloss_it_is_the_diffuse_colour_alone_on_black():
