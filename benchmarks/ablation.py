@@ -73,6 +73,7 @@ JOINT = (
     Change(
         "no lights looked for in the residuals", f"{GLOSS}.complete=false", (CONCAVE, "unequal")
     ),
+    Change("the lens blurs too", f"{GLOSS}.lens=true"),
     Change("no sheen", f"{GLOSS}.sheen=none", (CONCAVE,)),
     Change("ambient highlight left in D", f"{GLOSS}.ambient=false"),
     Change("pixels' blur left in D", f"{GLOSS}.sharp=false"),
