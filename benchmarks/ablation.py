@@ -106,9 +106,11 @@ COLUMNS = (
 )
 
 
-def common() -> tuple[str, ...]:
-    """Scenes of the changes that name none."""
-    return (CONCAVE,) if why_not(LONG) else (CONCAVE, LONG)
+def common(estimator: str) -> tuple[str, ...]:
+    """Scenes of the changes that name none: two for `joint`, one for `paper`."""
+    if why_not(LONG):
+        return (CONCAVE,)
+    return (CONCAVE, LONG) if estimator == "joint" else (LONG,)
 
 
 def tasks(ledger: Ledger, cache: Path, texture: int, scenes: Sequence[str] = ()) -> list[Task]:
@@ -117,7 +119,7 @@ def tasks(ledger: Ledger, cache: Path, texture: int, scenes: Sequence[str] = ())
     for estimator, changes in CHANGES.items():
         by_scene: dict[str, list[Change]] = {}
         for change in changes:
-            for scene in scenes or change.scenes or common():
+            for scene in scenes or change.scenes or common(estimator):
                 own = by_scene.setdefault(scene, [])
                 if change.settings not in [other.settings for other in own]:
                     own.append(change)

@@ -59,7 +59,8 @@ def chain(
 ) -> list[Step]:
     """The steps of a run.
 
-    estimator : "joint" or "paper"; script : a filter script in place of the estimator's chain
+    estimator : "joint" or "paper"; script : a filter script in place of the estimator's chain,
+        which no preset changes
     settings : values by FILTER.NAME; they win over the preset
 
     Raises SvbrdfError where there is no such estimator or preset, or the chain has no such filter.
@@ -70,7 +71,8 @@ def chain(
             hint = f", did you mean {close[0]}?" if close else ""
             raise SvbrdfError(f"expected one of {', '.join(known)}, found {name!r}{hint}")
     steps = read_script(script or Path(str(files("meshlab_svbrdf.filters") / CHAINS[estimator])))
-    for text, value in {**PRESETS[preset].parameters, **(settings or {})}.items():
+    chosen = {} if script else PRESETS[preset].parameters
+    for text, value in {**chosen, **(settings or {})}.items():
         steps = _with(steps, *text.rpartition(".")[::2], str(value))
     return steps
 
