@@ -27,6 +27,8 @@ CUT = 9.0
 ROUNDS = 8
 NOISE = 5.0
 """Standard errors of B at which the gain is a half."""
+DARKER = 0.2
+"""Of B, the least that D may be: beside a bright edge rounds could overshoot to black."""
 
 
 @njit(cache=True, nogil=True)
@@ -132,5 +134,5 @@ def sharpen(
         missing = start - kernel @ sharp
         fourth = missing**4
         gain = fourth / np.maximum(fourth + threshold, 1e-30)
-        sharp = np.maximum(sharp + gain * missing, 0)
+        sharp = np.maximum(sharp + gain * missing, DARKER * start)
     return np.where(known[:, None], sharp, blurred).astype(np.float32)

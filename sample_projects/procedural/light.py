@@ -108,12 +108,15 @@ class Surface:
         ambient: float,
         materials: tuple[Material, ...],
     ) -> np.ndarray:
-        """Paper, eq. 1: light sent along `view` (N, 3, unit, to the eye); (N, 3) linear."""
+        """Paper, eq. 1: light sent along `view` (N, 3, unit, to the eye); (N, 3) linear.
+
+        The ambient light comes from everywhere alike: its share of a lobe is 2/(α + 1).
+        """
         position, normal, start, albedo = self.at(face, barycentric)
         rho_s = np.array([m.rho_s for m in materials])[self.material[face]]
         alpha = np.array([m.alpha for m in materials])[self.material[face]]
         mirror = 2 * np.einsum("ij,ij->i", normal, view)[:, None] * normal - view
-        color = ambient * albedo
+        color = ambient * (albedo + (rho_s * 2 / (alpha + 1))[:, None])
         for light in lights:
             l, intensity = light.toward(position)
             cosine = np.einsum("ij,ij->i", l, normal)

@@ -86,7 +86,7 @@ def lights_record(scene: Scene, mesh: Mesh, to_world: Callable[[np.ndarray], np.
         "units": "positions in world units, distances in object radii, linear light (1 = 255)",
         "model": "pixel_linear = sum_k visible_k * [l.n > 0] * phong_intensity_k * "
         "(distance_k / d_k)^2 * (albedo * (l.n) + rho_s * max(l.r, 0)^alpha) "
-        "+ ambient_radiance * albedo",
+        "+ ambient_radiance * (albedo + rho_s * 2 / (alpha + 1))",
         "emitters": emitters,
         "ambient_radiance": [scene.ambient] * 3,
     }

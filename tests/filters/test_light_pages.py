@@ -158,7 +158,7 @@ def test_gloss_per_texel_comes_from_peaks_of_lights_found(result):
 
 def test_gloss_maps_and_materials_json(result):
     record = result.json("materials")
-    assert record.keys() == {"estimator", "materials", "notes"}
+    assert record.keys() == {"estimator", "materials", "notes", "sheen"}
     assert record["estimator"] == "joint"
     rho_s, alpha = by_texel(result, result.map("rho_s")), by_texel(result, result.map("alpha"))
     np.testing.assert_allclose(rho_s, result.attribute("material_rho_s"), rtol=1e-6)
@@ -192,6 +192,7 @@ def test_a_scene_without_gloss_says_so_and_keeps_its_diffuse_colour(tmp_path_fac
     assert all(m["reason"] and not m["observed"] for m in document.json("materials")["materials"])
     assert np.isnan(document.map("rho_s")[0]).all()
     assert np.isnan(document.map("alpha")[0]).all()
+    document.apply(GLOSS, sharp=False)
     np.testing.assert_array_equal(
         document.attribute("final_diffuse"), document.attribute("diffuse")
     )

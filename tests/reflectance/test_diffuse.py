@@ -1,5 +1,7 @@
 """The diffuse colour: every guard of its weight, and surfaces whose colour is known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from analytic import angle, ball, grey, lamp, lobes, mirror, observations_of, orbit, unit
@@ -178,7 +180,7 @@ def test_cone_visibility_where_all_is_visible_changes_nothing(film, sky):
     o, truth, _ = film
     everywhere = np.zeros((1, 36), np.float32)
     everywhere[0, 0] = np.sqrt(4 * np.pi)
-    seen = type(o)(o.texels, o.store, o.view._replace(coefficients=everywhere), o.sequence, o.order)
+    seen = replace(o, view=o.view._replace(coefficients=everywhere))
     s = luminance_threshold(o)
     for per_direction in (False, True):
         found = diffuse_color(seen, s, sky, cone_visibility=per_direction)
@@ -192,7 +194,7 @@ def test_where_nothing_is_visible_no_sample_is_specular(film, sky, per_direction
     hidden = o.view._replace(coefficients=np.zeros((1, 36), np.float32))
     s = luminance_threshold(o)
     found = diffuse_color(
-        type(o)(o.texels, o.store, hidden, o.sequence, o.order), s, sky,
+        replace(o, view=hidden), s, sky,
         cone_visibility=per_direction,
     )  # fmt: skip
     dark = diffuse_color(o, s, np.zeros_like(sky))
