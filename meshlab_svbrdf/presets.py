@@ -1,6 +1,6 @@
 """Presets: how much time a run may take, as parameters of its filters.
 
-PRESETS    what each is for, and its parameters; the filters' own defaults are `standard`
+PRESETS    what each is for, and its parameters; the filters' own defaults are `full`
 chain      the steps of a run, by estimator, preset and settings
 
 They were chosen by `python -m benchmarks time`: each gives the least error for its time.
@@ -18,6 +18,7 @@ from typing import Any
 from .errors import SvbrdfError
 from .script import Step, read_script
 
+SPACING = "compute_svbrdf_samples.spacing"
 CHAINS = {"joint": "svbrdf.mlx", "paper": "svbrdf_paper.mlx"}
 
 
@@ -38,15 +39,12 @@ PRESETS = {
         "a look at the result while filming goes on",
         {
             "compute_svbrdf_texels.texture_size": "512",
-            "compute_svbrdf_samples.spacing": "6",
+            SPACING: "6",
             "generate_svbrdf_environment_map.samples": "500000",
         },
     ),
-    "standard": Preset("the default"),
-    "full": Preset(
-        "the last decibel, and maps for print",
-        {"compute_svbrdf_texels.texture_size": "2048"},
-    ),
+    "standard": Preset("the default: a frame every 3°", {SPACING: "3"}),
+    "full": Preset("every frame: the last tenths of a decibel"),
 }
 
 
@@ -63,6 +61,8 @@ def chain(
         which no preset changes
     settings : values by FILTER.NAME; they win over the preset
 
+    `paper` follows peaks from frame to frame: no preset leaves frames out of it.
+
     Raises SvbrdfError where there is no such estimator or preset, or the chain has no such filter.
     """
     for name, known in ((estimator, CHAINS), (preset, PRESETS)):
@@ -71,7 +71,9 @@ def chain(
             hint = f", did you mean {close[0]}?" if close else ""
             raise SvbrdfError(f"expected one of {', '.join(known)}, found {name!r}{hint}")
     steps = read_script(script or Path(str(files("meshlab_svbrdf.filters") / CHAINS[estimator])))
-    chosen = {} if script else PRESETS[preset].parameters
+    chosen = {} if script else dict(PRESETS[preset].parameters)
+    if estimator == "paper":
+        chosen.pop(SPACING, None)
     for text, value in {**chosen, **(settings or {})}.items():
         steps = _with(steps, *text.rpartition(".")[::2], str(value))
     return steps

@@ -34,8 +34,13 @@ def test_the_shell_offers_them_all():
     assert "texture_size=512" in CliRunner().invoke(cli.app, ["presets"]).stdout
 
 
-def test_standard_is_the_filters_defaults():
-    assert not PRESETS["standard"].parameters
+def test_full_is_the_filters_defaults():
+    assert not PRESETS["full"].parameters
+
+
+def test_paper_keeps_every_frame():
+    assert parameters(chain("joint"), SAMPLES) == {"spacing": "3"}
+    assert parameters(chain("paper"), SAMPLES) == {}
 
 
 def test_what_the_user_sets_wins():
