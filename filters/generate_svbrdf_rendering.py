@@ -99,15 +99,19 @@ def read_appearance(document: Document, microfacets: bool = True) -> list[Appear
     kind = texels.to_images(table[labels, 2].astype(np.int64), PHONG)
     grazing = texels.to_images(table[labels, 3], 0.0)
     tints = texels.to_images(table[labels, 4:], 1.0)
-    normals: list[np.ndarray | None] = [None] * len(tints)
-    if "refined_normal" in document.attributes():
-        normals = [*texels.to_images(document.attribute("refined_normal"))]
-    elif document.has_array("texels_detail"):
-        normals = [*texels.to_images(texels.normal)]
+    turns: list[np.ndarray | None] = [None] * len(tints)
+    refined = "refined_normal" in document.attributes()
+    if refined or document.has_array("texels_detail"):
+        mesh = document.mesh()
+        corners = mesh.vertex_normals()[mesh.faces[texels.face]]
+        smooth = np.einsum("tc,tcd->td", texels.barycentric, corners)
+        smooth /= np.maximum(np.linalg.norm(smooth, axis=1, keepdims=True), 1e-30)
+        normal = document.attribute("refined_normal") if refined else texels.normal
+        turns = [*texels.to_images(normal - smooth)]
     inside = texels.to_images(np.ones(len(texels), bool), False)
     diffuse = document.map("diffuse")
     if "ambient_highlight" in document.attributes():
         ambient = texels.to_images(document.attribute("ambient_highlight") / np.float32(100), 0)
         diffuse = [d + a for d, a in zip(diffuse, ambient, strict=True)]
-    maps = (diffuse, rho_s, alpha, tints, normals, inside, kind, grazing)
+    maps = (diffuse, rho_s, alpha, tints, turns, inside, kind, grazing)
     return with_sheen(document, [Appearance(*each) for each in zip(*maps, strict=True)])

@@ -25,7 +25,7 @@ from .pixel_blur import along_and_across, blurred_lobe, pixel_blur
 
 SIGMAS = np.radians([0.25, 0.5, 1.0, 2.0, 4.0])
 """Priors tried: standard deviation of a normal's error per angle, radians."""
-WORTHWHILE = 0.03
+WORTHWHILE = 0.05
 """Share of the residual's variance on unseen samples that corrections must take away."""
 STEPS = 4
 ALL, FIRST, SECOND = 0, 1, 2

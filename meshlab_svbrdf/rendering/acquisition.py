@@ -37,7 +37,8 @@ class Appearance:
     diffuse : (H, W, 3) linear, 1 = 255, NaN where unobserved
     rho_s, alpha : (H, W), NaN where there is no gloss
     tint : (H, W, 3), the highlight's colour, luminance 1
-    normal : (H, W, 3) world, NaN outside the charts; or None: the mesh's own
+    turn : (H, W, 3) world, what is added to the mesh's interpolated normal, NaN outside the charts;
+        or None. (Normals looked up themselves would be as coarse as the texture: −6 dB.)
     inside : (H, W) bool, the charts: what lies outside takes its nearest neighbour's gloss; or
         None: all of the image
     kind, grazing : (H, W), microfacets' as in `microfacet.Gloss`, whose facing is in rho_s and
@@ -50,7 +51,7 @@ class Appearance:
     rho_s: np.ndarray
     alpha: np.ndarray
     tint: np.ndarray
-    normal: np.ndarray | None = None
+    turn: np.ndarray | None = None
     inside: np.ndarray | None = None
     kind: np.ndarray | None = None
     grazing: np.ndarray | None = None
@@ -176,6 +177,7 @@ class AcquisitionRenderer:
         corners = mesh.faces[face]
         position = np.einsum("nc,ncd->nd", weights, mesh.vertices[corners])
         normal = np.einsum("nc,ncd->nd", weights, mesh.vertex_normals()[corners])
+        normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
         uv = np.einsum("nc,ncd->nd", weights, mesh.uv[face])
 
         # Look up what it is made of
@@ -195,8 +197,8 @@ class AcquisitionRenderer:
             rho_s[on], alpha[on], tint[on] = look.rho_s[near], look.alpha[near], look.tint[near]
             if look.kind is not None and look.grazing is not None:
                 kind[on], grazing[on] = look.kind[near], look.grazing[near]
-            if look.normal is not None:
-                normal[on] = _bilinear(look.normal, col, row)
+            if look.turn is not None:
+                normal[on] += _bilinear(look.turn, col, row)
             if look.sheen is not None:
                 sheen[on] = _bilinear(look.sheen[..., None], col, row)[:, 0]
                 harmonics = look.harmonics
@@ -233,15 +235,15 @@ def _filled(look: Appearance) -> Appearance:
     """Gutters take their neighbours' values, unobserved texels their colour; no gloss is ρs 0."""
     known = np.isfinite(look.diffuse).all(-1)
     inside = np.ones(look.rho_s.shape, bool) if look.inside is None else look.inside
-    normal = look.normal
-    if normal is not None:
-        normal = fill_gutters(normal, np.isfinite(normal).all(-1))
+    turn = look.turn
+    if turn is not None:
+        turn = fill_gutters(turn, np.isfinite(turn).all(-1))
     return Appearance(
         np.nan_to_num(fill_gutters(look.diffuse, known)).astype(np.float64),
         np.nan_to_num(fill_gutters(look.rho_s, inside)),
         np.nan_to_num(fill_gutters(look.alpha, inside), nan=1.0),
         fill_gutters(look.tint, inside),
-        normal,
+        turn,
         kind=None if look.kind is None else fill_gutters(look.kind, inside),
         grazing=None if look.grazing is None else fill_gutters(look.grazing, inside),
         sheen=None if look.sheen is None else np.nan_to_num(fill_gutters(look.sheen, inside)),

@@ -14,7 +14,7 @@ D = np.array([0.2, 0.1, 0.05])
 RHO, ALPHA = 0.4, 30.0
 
 
-def look(size: int = 16, *, rho_s=RHO, alpha=ALPHA, tint=(1.0, 1.0, 1.0), diffuse=D, normal=None):
+def look(size: int = 16, *, rho_s=RHO, alpha=ALPHA, tint=(1.0, 1.0, 1.0), diffuse=D, turn=None):
     """One material over a whole texture."""
     full = lambda value: np.tile(np.asarray(value, float), (size, size, 1))  # noqa: E731
     return Appearance(
@@ -22,7 +22,7 @@ def look(size: int = 16, *, rho_s=RHO, alpha=ALPHA, tint=(1.0, 1.0, 1.0), diffus
         np.full((size, size), rho_s),
         np.full((size, size), alpha),
         full(tint),
-        normal,
+        turn,
     )
 
 
@@ -212,11 +212,11 @@ def test_colours_of_highlights_and_several_textures():
 
 def test_a_normal_map_turns_the_highlight():
     tilted = unit([0.2, -0.1, 1.0])
-    normal = np.tile(tilted, (16, 16, 1))
-    normal[:, :3] = np.nan  # off the charts
+    turn = np.tile(tilted - [0, 0, 1], (16, 16, 1))
+    turn[:, :3] = np.nan  # off the charts
     camera, light = look_at((0, 0, 4)), lamp(2 * tilted[2] * tilted - np.array([0, 0, 1]))
     mesh = plane()
-    image, _ = AcquisitionRenderer(mesh, [look(normal=normal)], [light]).render(camera, 1)
+    image, _ = AcquisitionRenderer(mesh, [look(turn=turn)], [light]).render(camera, 1)
     row, col = np.unravel_index(image.sum(-1).argmax(), image.shape[:2])
     points = on_plane(camera)
     expected = eq1(points, tilted, camera.center, [light], mesh.radius)

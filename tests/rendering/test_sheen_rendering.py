@@ -11,7 +11,7 @@ def look(sheen=None, normal=None):
     none = np.full((8, 8), np.nan)
     white = np.ones((8, 8, 3))
     harmonics = np.random.default_rng(0).normal(size=36) * 0.3
-    shaped = None if normal is None else np.broadcast_to(normal, (8, 8, 3)).copy()
+    shaped = None if normal is None else np.broadcast_to(np.subtract(normal, [0, 0, 1]), (8, 8, 3))
     return Appearance(0.2 * white, none, none, white, shaped, sheen=sheen, harmonics=harmonics)
 
 
