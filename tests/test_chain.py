@@ -57,31 +57,37 @@ def result_of(tmp_path_factory, tmp_path, truth):
 
 @per_case
 def test_every_light_is_found_and_no_other(result_of, truth, estimator, segmentation):
-    """Measured: joint .040°, ln gain .006, ln distance .013; paper 1.07°, .24 (all gains are 1)."""
+    """Measured: joint .024°, ln gain .009, ln distance .052; paper 1.07°, .24 (all gains are 1).
+
+    Without the pixels' blur in the fit the distance is .033 here and the angle .043°.
+    """
     score = scores.lights(result_of(estimator, segmentation), truth)
     assert (score.missed, score.false) == (0, 0)
     assert score.angle < {"joint": 0.1, "paper": 1.3}[estimator]
     assert score.ln_gain < {"joint": 0.02, "paper": 0.3}[estimator]
     if estimator == "joint":
-        assert score.ln_distance < 0.03
+        assert score.ln_distance < 0.06
 
 
 @per_case
 def test_diffuse_colour(result_of, truth, estimator, segmentation):
-    """Measured ΔE2000, mean, median and 95 %: joint 1.20, .78, 3.95; paper 1.40, .89, 4.57."""
+    """Measured ΔE2000, mean, median and 95 %: joint 1.13, .76, 3.40; paper 1.59, 1.17, 4.71.
+
+    `paper` keeps the ambient light's highlight in D, which the truth does not hold.
+    """
     error = scores.diffuse(result_of(estimator, segmentation), truth)
     found = np.array([error.mean(), np.median(error), np.quantile(error, 0.95)])
-    assert (found < {"joint": [1.3, 0.85, 4.3], "paper": [1.5, 0.95, 4.9]}[estimator]).all()
+    assert (found < {"joint": [1.2, 0.82, 3.7], "paper": [1.7, 1.25, 5.0]}[estimator]).all()
 
 
 @per_case
 def test_gloss(result_of, truth, estimator, segmentation):
-    """Measured worst |ln rho_s|, |ln alpha|: joint .048, .050; paper .28 (truth: .17), .19."""
+    """Measured worst |ln rho_s|, |ln alpha|: joint .022, .026; paper .28 (truth: .17), .19."""
     found = scores.gloss(result_of(estimator, segmentation), truth)
     for name in ("glaze", "bronze"):
         assert found[name].observed > 0.9
-        assert abs(found[name].ln_rho_s) < {"joint": 0.06, "paper": 0.32}[estimator]
-        assert abs(found[name].ln_alpha) < {"joint": 0.06, "paper": 0.23}[estimator]
+        assert abs(found[name].ln_rho_s) < {"joint": 0.035, "paper": 0.32}[estimator]
+        assert abs(found[name].ln_alpha) < {"joint": 0.035, "paper": 0.23}[estimator]
     if estimator == "joint":  # `paper` cannot tell a lamp's bright edge from a highlight
         assert found["terracotta"].observed < 0.01
 
