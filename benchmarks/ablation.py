@@ -46,7 +46,7 @@ class Change:
         return dict(text.split("=", 1) for text in self.settings.split())
 
 
-PAPER = (  # method.md's table of where `paper` is not the letter, and what its stages could be
+PAPER = (  # docs/paper.md's table of where `paper` is not the letter, and what its stages could be
     Change("q < 0.1 dropped for t alone", f"{SAMPLES}.minimum_quality=0"),
     Change("map divided by the count", f"{ENVIRONMENT}.normalisation=count"),
     Change("map scaled by its maximum", f"{ENVIRONMENT}.scale=max"),
