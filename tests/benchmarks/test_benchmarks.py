@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from importlib.metadata import PackageNotFoundError, version
 
 import numpy as np
 import pytest
@@ -131,7 +132,10 @@ def test_the_documentation_has_a_place_for_every_part():
 
 
 def test_tables_and_plot_go_into_the_documentation(monkeypatch, tmp_path):
-    pytest.importorskip("matplotlib", reason="the plot needs the extra [docs]")
+    try:
+        version("matplotlib")  # importing tells nothing: colour-science puts a dummy in its place
+    except PackageNotFoundError:
+        pytest.skip("the plot needs the extra [docs]")
     for name in ("PAGE", "README"):
         copy = tmp_path / name
         copy.write_bytes(getattr(documents, name).read_bytes())
