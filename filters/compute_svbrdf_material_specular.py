@@ -45,7 +45,7 @@ FILTER = Filter(
         ),
         Parameter(
             "samples", "int", 6_000_000, minimum=10_000,
-            help="About how many samples the joint fit holds in memory, about 40 bytes each.",
+            help="About how many samples the joint fit holds in memory, about 60 bytes each.",
         ),
         Parameter(
             "complete", "bool", True,

@@ -102,12 +102,8 @@ def read_appearance(document: Document, microfacets: bool = True) -> list[Appear
     turns: list[np.ndarray | None] = [None] * len(tints)
     refined = "refined_normal" in document.attributes()
     if refined or document.has_array("texels_detail"):
-        mesh = document.mesh()
-        corners = mesh.vertex_normals()[mesh.faces[texels.face]]
-        smooth = np.einsum("tc,tcd->td", texels.barycentric, corners)
-        smooth /= np.maximum(np.linalg.norm(smooth, axis=1, keepdims=True), 1e-30)
         normal = document.attribute("refined_normal") if refined else texels.normal
-        turns = [*texels.to_images(normal - smooth)]
+        turns = [*texels.to_images(normal - texels.smooth_normals(document.mesh()))]
     inside = texels.to_images(np.ones(len(texels), bool), False)
     diffuse = document.map("diffuse")
     if "ambient_highlight" in document.attributes():

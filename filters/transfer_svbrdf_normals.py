@@ -10,9 +10,7 @@ from meshlab_svbrdf.document.document import Document
 from meshlab_svbrdf.errors import SvbrdfError
 from meshlab_svbrdf.filter import Filter, Namespace, Parameter, Percentage
 from meshlab_svbrdf.geometry.bake import bake_normals
-from meshlab_svbrdf.geometry.mesh import Mesh
 from meshlab_svbrdf.geometry.normal_maps import encode_normal_map
-from meshlab_svbrdf.geometry.texels import Texels
 from meshlab_svbrdf.progress import Progress
 
 from ._stages import share
@@ -49,7 +47,7 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
     progress(0.1, "shooting rays")
     mesh = document.mesh()
     normals, hit = bake_normals(
-        texels.position + texels.center, _own_normals(mesh, texels),
+        texels.position + texels.center, texels.smooth_normals(mesh),
         document.mesh(layers[parameters.source]),
         float(parameters.max_distance),
     )  # fmt: skip
@@ -65,11 +63,3 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
     document.set_attribute("baked", hit.astype(np.uint8))
     layers[parameters.source].visible = False  # it would cover the object in MeshLab
     return f"{share(hit)} of the texels got the normal of {parameters.source!r}"
-
-
-def _own_normals(mesh: Mesh, texels: Texels) -> np.ndarray:
-    """The mesh's normals (T, 3), whatever was baked before: baking again changes nothing."""
-    corners = mesh.vertex_normals()[mesh.faces[texels.face]]
-    normal = np.einsum("tc,tcd->td", texels.barycentric, corners)
-    length = np.linalg.norm(normal, axis=1, keepdims=True)
-    return np.where(length > 1e-6, normal / np.maximum(length, 1e-6), texels.normal)

@@ -10,6 +10,7 @@ import numpy as np
 from numba import njit
 
 from .adjacency import neighbours
+from .tangents import tangents
 
 FLATTEST_CELL = 1e-3
 """Least of the neighbours' spread, det / trace², that still tells two directions."""
@@ -21,13 +22,9 @@ def _surface_shape(indptr, indices, position, normal, shape):
     axes, a, b = np.empty((2, 3)), np.empty(2), np.empty(3)
     for i in range(len(position)):
         n = normal[i]
-        least = np.argmin(np.abs(n))
-        for c in range(3):
-            axes[0, c] = (1.0 if c == least else 0.0) - n[least] * n[c]
-        axes[0] /= np.sqrt((axes[0] * axes[0]).sum())
-        axes[1, 0] = n[1] * axes[0, 2] - n[2] * axes[0, 1]
-        axes[1, 1] = n[2] * axes[0, 0] - n[0] * axes[0, 2]
-        axes[1, 2] = n[0] * axes[0, 1] - n[1] * axes[0, 0]
+        (axes[0, 0], axes[0, 1], axes[0, 2], axes[1, 0], axes[1, 1], axes[1, 2]) = tangents(
+            n[0], n[1], n[2]
+        )
         aa, ab, bb = 0.0, 0.0, 0.0
         moment = np.zeros((2, 3))
         for e in range(indptr[i], indptr[i + 1]):

@@ -35,6 +35,14 @@ class Texels:
     def __len__(self) -> int:
         return len(self.face)
 
+    def smooth_normals(self, mesh: Mesh) -> np.ndarray:
+        """The mesh's own normals at the texels (T, 3), unit, whatever was baked or corrected; the
+        texel's where the mesh has none."""
+        corners = mesh.vertex_normals()[mesh.faces[self.face]]
+        normal = np.einsum("tc,tcd->td", self.barycentric, corners)
+        length = np.linalg.norm(normal, axis=1, keepdims=True)
+        return np.where(length > 1e-6, normal / np.maximum(length, 1e-6), self.normal)
+
     def to_images(self, values: np.ndarray, fill=np.nan) -> list[np.ndarray]:
         """Per-texel values (T,) or (T, C) as one image per texture, `fill` outside the charts."""
         images = [np.full((*size, *values.shape[1:]), fill, values.dtype) for size in self.sizes]

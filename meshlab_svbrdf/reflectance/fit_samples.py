@@ -116,6 +116,16 @@ def collect(observations: Observations, texel: np.ndarray, material: np.ndarray)
     return FitSamples(texel, material.astype(np.int32), offsets, *columns)
 
 
+def flat_limits(alpha: np.ndarray, curvature: float, footprint: float) -> np.ndarray:
+    """The largest turn of a normal that lobes of shininess α (M,) bear, radians per radius.
+
+    curvature : c of "twice the normal's turn per pixel < c/√α"; 0: any; footprint : a pixel, radii
+    """
+    if curvature == 0:
+        return np.full(len(alpha), np.inf)
+    return curvature / np.sqrt(alpha) / (2 * footprint)
+
+
 def choose_texels(
     material: np.ndarray,
     counts: np.ndarray,

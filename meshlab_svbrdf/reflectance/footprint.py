@@ -5,26 +5,18 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from ..geometry.tangents import tangents
 from ..samples.observations import Observations, sample_luminance, sample_quality
 
+SPREAD = 1 / 12 + 1 / 6
+"""Pixels², variance per axis of what a sample averages over: a pixel is a box (1/12), and between
+two of them bilinear weights spread a sample by a (1 − a), which is 1/6 on average."""
 STEEPEST = 0.1
 """Cosine of the steepest view: beyond it a pixel would cover without end."""
 STEP = 1.48 / np.sqrt(2)
 """Standard deviation of normal noise over the median step between two samples."""
 STEPS = 32
 """Of a texel's steps, evenly spaced, how many are looked at."""
-
-
-@njit(cache=True, nogil=True)
-def tangents(x, y, z):
-    """Two unit vectors that span the plane across the unit normal (x, y, z)."""
-    if abs(x) < 0.9:
-        ax, ay, az = 0.0, z, -y
-    else:
-        ax, ay, az = -z, 0.0, x
-    scale = 1.0 / np.sqrt(ax * ax + ay * ay + az * az)
-    ax, ay, az = ax * scale, ay * scale, az * scale
-    return ax, ay, az, y * az - z * ay, z * ax - x * az, x * ay - y * ax
 
 
 @njit(cache=True, nogil=True)

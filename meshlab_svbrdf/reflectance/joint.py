@@ -18,7 +18,7 @@ from ..threads import thread_count
 from .blur_fit import fit_blur
 from .elimination import ALPHAS, Profile
 from .evidence import Evidence, highlight_color, verdict, weigh_evidence
-from .fit_samples import choose_texels, collect
+from .fit_samples import choose_texels, collect, flat_limits
 from .fit_state import FitState, huber_scale
 from .light_refinement import refine_lights
 from .lights import Light
@@ -119,8 +119,7 @@ def fit(
         budget: int,
         without: Sequence[int] | np.ndarray = (),
     ) -> FitState:
-        shiny = np.sqrt(np.maximum(alpha, FIRST_ALPHA))
-        limits = curvature / shiny / (2 * footprint) if curvature > 0 else shiny + np.inf
+        limits = flat_limits(np.maximum(alpha, FIRST_ALPHA), curvature, footprint)
         left = counts.copy()
         left[np.asarray(without, np.int64)] = 0
         chosen, lacking = choose_texels(material, left, turn, limits, budget)
@@ -138,7 +137,7 @@ def fit(
         state.reweigh(censoring)
         return state
 
-    most, samples = samples, _affordable(samples, lights)
+    most, samples = samples, affordable(samples, lights)
     with ThreadPoolExecutor(thread_count()) as pool:
         state = gather(pool, samples // 4)
         free, error = np.full(len(lights), near), np.zeros(len(lights))
@@ -167,7 +166,7 @@ def fit(
                 if long:
                     few = gather(pool, samples // 8)
                     lights = fit_lengths(lights, _trial(few, lights, rho, alpha))
-                    before, samples = samples, _affordable(most, lights)
+                    before, samples = samples, affordable(most, lights)
                     if samples != before:
                         state = renewed(pool)
                 if lens and observations.shape is not None:
@@ -200,7 +199,7 @@ def fit(
     return JointFit(lights, materials, history, notes)
 
 
-def _affordable(samples: int, lights: list[Light]) -> int:
+def affordable(samples: int, lights: list[Light]) -> int:
     """How many samples to take: no more is spent on rows of points than on single ones."""
     points = len(lamps(lights, 1.0).gain)
     return max(samples * len(lights) // points, samples // 8)

@@ -17,7 +17,7 @@ from numba import njit
 from ..geometry.visibility import spread_directions
 from ..samples.observations import Observations, View, fill_visibility, visibility
 from ..threads import thread_count
-from .fit_samples import choose_texels, collect
+from .fit_samples import choose_texels, collect, flat_limits
 from .fit_state import FitState
 from .joint import FIRST_ALPHA, JointFit, fit
 from .light_evidence import hear
@@ -205,8 +205,7 @@ def _others(
     """A few texels that the fit has hardly used, with what it leaves unexplained of them."""
     rho, alpha, _ = _lobes(found)
     rho, alpha = np.nan_to_num(rho), np.nan_to_num(alpha, nan=1.0)
-    shiny = np.sqrt(np.maximum(alpha, FIRST_ALPHA))
-    limits = curvature / shiny / (2 * footprint) if curvature > 0 else shiny + np.inf
+    limits = flat_limits(np.maximum(alpha, FIRST_ALPHA), curvature, footprint)
     counts = observations.store.counts()
     chosen, _ = choose_texels(material, counts, turn, limits, samples // 30, offset=1)
     taken = collect(observations, chosen, material[chosen])

@@ -16,14 +16,13 @@ import numpy as np
 from ..samples.observations import Observations
 from ..threads import thread_count
 from .evidence import EXPLAINED_LEAST, Z_LEAST, Evidence, highlight_color
-from .fit_samples import choose_texels, collect
+from .fit_samples import choose_texels, collect, flat_limits
 from .fit_state import FitState
 from .gloss_fit import move_lights
-from .joint import FIRST_ALPHA, Material
+from .joint import FIRST_ALPHA, Material, affordable
 from .lights import Light
 from .microfacet import BECKMANN, GGX, NAMES, PHONG, Gloss, Microfacets
 from .model_fit import SHAPES, compare, first_half, fit_kind, noise_of, refit, unexplained
-from .phong import lamps
 
 TRIAL, FINAL = 32, 16
 """One sample in so many of the joint fit's decides, and one in so many is fitted in the end."""
@@ -76,11 +75,9 @@ def choose_models(
     if not lights or count == 0:
         return kept
     counts = observations.store.counts()
-    shiny = np.sqrt([m.alpha if m.observed else FIRST_ALPHA for m in materials])
-    limits = curvature / shiny / (2 * footprint) if curvature > 0 else shiny + np.inf
-    # Spend no more on rows of points than on single ones
-    points = len(lamps(lights, 1.0).gain)
-    most = max(samples * len(lights) // points, samples // 8)
+    alpha = np.array([m.alpha if m.observed else FIRST_ALPHA for m in materials])
+    limits = flat_limits(alpha, curvature, footprint)
+    most = affordable(samples, lights)
 
     with ThreadPoolExecutor(thread_count()) as pool:
 

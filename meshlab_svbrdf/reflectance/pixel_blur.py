@@ -13,11 +13,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from .footprint import tangents
-
-SPREAD = 1 / 12 + 1 / 6
-"""Pixels², variance per axis of what a sample averages over: a pixel is a box (1/12), and between
-two of them bilinear weights spread a sample by a (1 − a), which is 1/6 on average."""
+from ..geometry.tangents import tangents
+from .footprint import SPREAD
 
 SHARP = 2e-4
 """Of 1/α, the blur below which a lobe is as good as sharp."""

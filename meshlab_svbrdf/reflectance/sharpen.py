@@ -14,12 +14,11 @@ import numpy as np
 from numba import njit
 from scipy.sparse import csr_array
 
+from ..geometry.tangents import tangents
 from ..geometry.texels import Texels
 from ..threads import thread_count
-from .footprint import tangents
+from .footprint import SPREAD
 
-BLUR = 1 / 12 + 1 / 6
-"""Pixels²: the variance of a pixel's box, and of bilinear interpolation over all phases."""
 REACH = 4
 """Texels around one that may blur into it; finer textures are sharpened less."""
 CUT = 9.0
@@ -37,7 +36,7 @@ def _row(t, position, normal, row, col, covariance, index, columns, weights):
     height, width = index.shape
     nx, ny, nz = normal[t, 0], normal[t, 1], normal[t, 2]
     ax, ay, az, bx, by, bz = tangents(nx, ny, nz)
-    aa, ab, bb = BLUR * covariance[t, 0], BLUR * covariance[t, 1], BLUR * covariance[t, 2]
+    aa, ab, bb = SPREAD * covariance[t, 0], SPREAD * covariance[t, 1], SPREAD * covariance[t, 2]
     determinant = aa * bb - ab * ab
     if not determinant > 0.0:
         return 0

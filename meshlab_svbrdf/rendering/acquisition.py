@@ -38,7 +38,7 @@ class Appearance:
     rho_s, alpha : (H, W), NaN where there is no gloss
     tint : (H, W, 3), the highlight's colour, luminance 1
     turn : (H, W, 3) world, what is added to the mesh's interpolated normal, NaN outside the charts;
-        or None. (Normals looked up themselves would be as coarse as the texture: −6 dB.)
+        or None. (Normals looked up themselves would be as coarse as the texture.)
     inside : (H, W) bool, the charts: what lies outside takes its nearest neighbour's gloss; or
         None: all of the image
     kind, grazing : (H, W), microfacets' as in `microfacet.Gloss`, whose facing is in rho_s and

@@ -35,10 +35,9 @@ def albedo_of(observations: Observations, depth: float = 0.1) -> np.ndarray:
 
 def shade(observations, lights, radiance, material, depth=0.1):
     """D and the ambient highlight that is in it, both (T, 3) in 0..100."""
-    x, n = (np.asarray(v, float) for v in (observations.texels.position, observations.view.normal))
+    n = observations.view.normal.astype(float)
     lit = sum(light.gain * np.maximum(n @ light.direction, 0) for light in lights)
     sheen = (RHO * 2 / (ALPHA + 1))[material][:, None] * radiance
-    assert len(x) == len(material)
     return 100 * albedo_of(observations, depth) * (lit[:, None] + radiance) + sheen, sheen
 
 

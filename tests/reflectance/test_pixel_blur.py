@@ -20,9 +20,9 @@ from analytic import (
 from meshlab_svbrdf.geometry.surface_shape import surface_shape
 from meshlab_svbrdf.reflectance.fit_samples import collect
 from meshlab_svbrdf.reflectance.fit_state import sample_lobe
+from meshlab_svbrdf.reflectance.footprint import SPREAD
 from meshlab_svbrdf.reflectance.joint import fit
 from meshlab_svbrdf.reflectance.phong import lamps, light_texels
-from meshlab_svbrdf.reflectance.pixel_blur import SPREAD
 
 LIGHTS = [lamp([0.3, 0.5, 0.8]), lamp([-0.8, 0.3, 0.3]), lamp([0.1, -0.6, -0.8])]
 RADIUS, FX = 0.5, 220.0
