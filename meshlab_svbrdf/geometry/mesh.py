@@ -52,6 +52,14 @@ class Mesh:
         normals = self.vertex_normals()[self.faces].sum(axis=1)
         return -1 if np.einsum("ij,ij->", np.cross(b - a, c - a), normals) < 0 else 1
 
+    def is_closed(self) -> bool:
+        """Whether every edge has two faces that agree on their front, so that backs are hidden."""
+        start, stop = self.faces.ravel().astype(np.int64), self.faces[:, [1, 2, 0]].ravel()
+        count = len(self.vertices)
+        edges, backwards = np.sort(start * count + stop), np.sort(stop * count + start)
+        once = bool(np.all(edges[1:] != edges[:-1]))
+        return len(edges) > 0 and once and bool(np.array_equal(edges, backwards))
+
     def _face_means(self) -> np.ndarray:
         corners = self.vertices[self.faces]
         area = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
