@@ -12,6 +12,7 @@ import json
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
@@ -134,6 +135,21 @@ def _write_chunk(folder: Path, index: int, texels: int, held: Sequence[SampledFr
         np.save(folder / f"chunk{index:04d}.{name}.npy", column)
 
 
+@njit(cache=True, nogil=True)
+def _gather_texels(
+    low, high, frame, rgb, quality, first_frame, cursor, out_frame, out_rgb, out_quality
+):
+    """As `_gather`, of texels whose slices low..high lie apart."""
+    for i in range(len(cursor)):
+        k = cursor[i]
+        for j in range(low[i], high[i]):
+            out_frame[k] = first_frame + frame[j]
+            out_rgb[k, 0], out_rgb[k, 1], out_rgb[k, 2] = rgb[j, 0], rgb[j, 1], rgb[j, 2]
+            out_quality[k] = quality[j]
+            k += 1
+        cursor[i] = k
+
+
 class _Column:
     """Rows of an array file. Neither mapped nor kept open: many frames make many files."""
 
@@ -148,6 +164,10 @@ class _Column:
         items = (stop - first) * self.row // self.dtype.itemsize
         flat = np.fromfile(self.path, self.dtype, items, offset=self.start + first * self.row)
         return flat.reshape(stop - first, *self.shape)
+
+    def mapped(self) -> np.ndarray[Any, Any]:
+        """All rows, to be read here and there; let go of it soon."""
+        return np.asarray(np.load(self.path, mmap_mode="r"))
 
 
 class SampleStore:
@@ -234,3 +254,45 @@ class SampleStore:
                     pending.append(pool.submit(lambda a, b: work(self.read(a, b)), first, stop))
                 yield pending.popleft().result()
                 progress(done, len(bounds))
+
+    def read_texels(self, texels: np.ndarray) -> Block:
+        """The samples of some texels (n,), as of the texels 0..n of a smaller store."""
+        low, high = np.empty((2, len(self._chunks), len(texels)), np.int64)
+        for c, (_, columns) in enumerate(self._chunks):
+            offsets = columns["offsets"].mapped()
+            low[c], high[c] = offsets[texels], offsets[texels + 1]
+        offsets = np.concatenate([[0], np.cumsum((high - low).sum(0))])
+        frame = np.empty(offsets[-1], np.int32)
+        rgb, quality = np.empty((offsets[-1], 3), np.uint8), np.empty(offsets[-1], np.uint8)
+        cursor = offsets[:-1].copy()
+        for c, (first_frame, columns) in enumerate(self._chunks):
+            frames, colors, weights = (columns[name].mapped() for name in _COLUMNS)
+            _gather_texels(
+                low[c], high[c], frames, colors, weights, first_frame, cursor,
+                frame, rgb, quality,
+            )  # fmt: skip
+        return Block(0, len(texels), offsets, frame, rgb, quality)
+
+    def map_texels(
+        self,
+        work: Callable[[Block, slice], Result],
+        texels: np.ndarray,
+        progress: Callable[[int, int], None] = lambda d, t: None,
+        samples: int = 1 << 19,
+    ) -> list[Result]:
+        """`work` on pieces of some texels (n,), ascending, on all cores, and on no others.
+
+        It is given a piece's samples, from `read_texels`, and which of the n texels they are of;
+        results come in the order of the pieces, which depend on the store and the texels alone.
+        """
+        total = np.concatenate([[0], np.cumsum(self.counts()[texels])])
+        cuts = np.searchsorted(total, np.arange(samples, total[-1], samples))
+        edges = np.unique(np.concatenate([[0], cuts, [len(texels)]])).tolist()
+        pieces = [slice(a, b) for a, b in pairwise(edges)]
+        results = []
+        with ThreadPoolExecutor(thread_count()) as pool:
+            found = pool.map(lambda own: work(self.read_texels(texels[own]), own), pieces)
+            for done, result in enumerate(found, 1):
+                results.append(result)
+                progress(done, len(pieces))
+        return results
