@@ -103,7 +103,7 @@ def test_neither_threads_nor_chunks_change_what_is_read(tmp_path, monkeypatch, t
     store = write(tmp_path / "b", 200, history, memory=memory)
     for a, b in zip(store.read(0, 200), expected, strict=True):
         np.testing.assert_array_equal(a, b)
-    assert store.block_bounds(500) == SampleStore(tmp_path / "a").block_bounds(500)
+    assert store.block_bounds(500) == SampleStore.open(tmp_path / "a").block_bounds(500)
     assert store.map(lambda b: b.first) == [b.first for b in store.blocks()]
 
 
