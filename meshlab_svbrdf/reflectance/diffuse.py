@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 
@@ -9,7 +11,8 @@ from ..samples.observations import (
     Observations,
     color,
     fill_visibility,
-    mirror_direction,
+    longest_history,
+    mirror_axis,
     sample_luminance,
     sample_quality,
     visibility,
@@ -20,6 +23,25 @@ from .threshold import LuminanceStatistics
 _CELLS = 512  # of the octahedral map along a side: .35° a cell, against a cone of 5°
 _STATISTICAL, _TRIMMED, _QUANTILE = range(3)
 METHODS = ("statistical", "trimmed", "quantile")
+NEGLIGIBLE = np.float32(-12.0)
+"""log₂ of b^(w²) below which s counts as 0: w being at least ¼, s is less than 1/1024 there."""
+
+
+class _Lit(NamedTuple):
+    """Where light comes from, as the kernel looks it up.
+
+    averaged : (C, C) float32, log₂ of eq. 4 without visibility, −inf where it is dark
+    plain : (C, C) float32, the map; per_direction : eq. 4 to the letter, in `plain`
+    cosines, sines, phis, weights : (16,) float32, the cone's directions and g
+    """
+
+    averaged: np.ndarray
+    plain: np.ndarray
+    per_direction: bool
+    cosines: np.ndarray
+    sines: np.ndarray
+    phis: np.ndarray
+    weights: np.ndarray
 
 
 def cone_directions(axis: np.ndarray, cone: float, rings: int = 4) -> np.ndarray:
@@ -63,21 +85,31 @@ def cone_average(probability: np.ndarray, cone: float, kernel: str = "angle") ->
     return out
 
 
-@njit(cache=True, nogil=True)
-def specular_weight(y, b, threshold, minimum):
-    """Eq. 3 and 5, guarded: s = b^(w²) / w in [0, 1], w = (t − min) / (Y − min) in [¼, 4]."""
-    if not (y > minimum and b > 0):
-        return 0.0
-    w = (threshold - minimum) / (y - minimum) if threshold - minimum >= 1e-6 else 1.0
-    w = min(max(w, 0.25), 4.0)
-    return min(b ** (w * w) / w, 1.0)
+@njit(cache=True, nogil=True, error_model="numpy")
+def specular_weight(y, log_b, threshold, minimum):
+    """Eq. 3 and 5, guarded: s = b^(w²) / w in [0, 1], w = (t − min) / (Y − min) in [¼, 4].
+
+    log_b : log₂ b, −inf where no light comes from
+    """
+    if not y > minimum:
+        return np.float32(0)
+    w = np.float32((threshold - minimum) / (y - minimum))
+    if not threshold - minimum >= 1e-6:
+        w = np.float32(1)
+    w = min(max(w, np.float32(0.25)), np.float32(4))
+    exponent = np.float32(w * w * log_b)
+    if not exponent > NEGLIGIBLE:
+        return np.float32(0)
+    return min(np.exp2(exponent) / w, np.float32(1))
 
 
-@njit(cache=True, nogil=True)
-def _cone_with_visibility(
-    probability, coefficients, x, y, z, cosines, sines, phis, weights, height
-):
+@njit(cache=True, nogil=True, error_model="numpy")
+def _cone_with_visibility(lit, coefficients, x, y, z):
     """Eq. 4 to the letter: V(ω) for each direction of the cone."""
+    probability, cosines, sines, phis, weights = (
+        lit.plain, lit.cosines, lit.sines, lit.phis, lit.weights,
+    )  # fmt: skip
+    height = probability.shape[0]
     sign = 1.0 if z >= 0 else -1.0
     a = -1.0 / (sign + z)
     ux, uy, uz = 1.0 + sign * x * x * a, sign * x * y * a, -sign * x
@@ -93,14 +125,36 @@ def _cone_with_visibility(
     return top / bottom if bottom > 0 else 0.0
 
 
-@njit(cache=True, nogil=True)
-def _diffuse(
-    block, view, threshold, minimum, averaged, plain, cone, per_direction, letter, method, out
-):
+@njit(cache=True, nogil=True, error_model="numpy")
+def _specular_weights(block, view, i, threshold, minimum, ys, lit, letter, ws):
+    """Weigh each sample of the block's texel i by how surely it is diffuse, or by s to the letter.
+
+    Most of the map is black: there neither visibility nor exponential are needed.
+    """
+    t, first = block.first + i, block.offsets[i]
     coefficients = np.empty(36, np.float32)
-    longest = 0
-    for i in range(block.stop - block.first):
-        longest = max(longest, block.offsets[i + 1] - block.offsets[i])
+    filled = has = False
+    one = np.float32(1)
+    for j in range(block.offsets[i + 1] - first):
+        x, y, z = mirror_axis(view, t, block.frame[first + j])
+        row, col = octahedral_cell(x, y, z, lit.averaged.shape[0])
+        s = specular_weight(ys[j], lit.averaged[row, col], threshold, minimum)
+        if s > 0:
+            if not filled:
+                has, filled = fill_visibility(view, t, coefficients), True
+            unit = one / np.sqrt(x * x + y * y + z * z)
+            x, y, z = x * unit, y * unit, z * unit
+            if has and lit.per_direction:
+                log_b = np.log2(_cone_with_visibility(lit, coefficients, x, y, z))
+                s = specular_weight(ys[j], log_b, threshold, minimum)
+            elif not visibility(has, coefficients, x, y, z) > 0:
+                s = np.float32(0)
+        ws[j] = s if letter else one - s
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _diffuse(block, view, threshold, minimum, lit, letter, method, out):
+    longest = longest_history(block)
     ys, ws = np.empty(longest, np.float32), np.empty(longest, np.float32)
     for i in range(block.stop - block.first):
         t, first = block.first + i, block.offsets[i]
@@ -110,30 +164,8 @@ def _diffuse(
         for j in range(n):
             ys[j] = sample_luminance(block, view, first + j)
         if method == _STATISTICAL:
-            # Weigh each sample by how surely it is diffuse
-            has = fill_visibility(view, t, coefficients)
-            for j in range(n):
-                x, y, z = mirror_direction(view, t, block.frame[first + j])
-                row, col = octahedral_cell(x, y, z, averaged.shape[0])
-                b = averaged[row, col]
-                if b > 0 and per_direction and has:
-                    b = _cone_with_visibility(
-                        plain,
-                        coefficients,
-                        x,
-                        y,
-                        z,
-                        cone[0],
-                        cone[1],
-                        cone[2],
-                        cone[3],
-                        plain.shape[0],
-                    )
-                elif b > 0 and not visibility(has, coefficients, x, y, z) > 0:
-                    b = np.float32(0)
-                s = specular_weight(ys[j], b, threshold[t], minimum[t])
-                ws[j] = s if letter else 1.0 - s
             # Bound the diffuse samples by the weighted mean and deviation
+            _specular_weights(block, view, i, threshold[t], minimum[t], ys, lit, letter, ws)
             total, weight = 0.0, 0.0
             for j in range(n):
                 total, weight = total + ws[j] * ys[j], weight + ws[j]
@@ -152,9 +184,10 @@ def _diffuse(
         else:
             bound = np.float64(np.quantile(ys[:n], 0.25))
         # Average the colours below the bound (eq. 6)
+        limit = np.float32(bound + 1e-4)
         red, green, blue, weight = 0.0, 0.0, 0.0, 0.0
         for j in range(n):
-            if ys[j] <= bound + 1e-4:
+            if ys[j] <= limit:
                 q = sample_quality(block, first + j)
                 r, g, b = color(block, view, first + j)
                 red, green, blue, weight = red + q * r, green + q * g, blue + q * b, weight + q
@@ -190,18 +223,19 @@ def diffuse_color(
     plain = look_up(probability, octahedral_directions(_CELLS).reshape(-1, 3)).reshape(
         _CELLS, _CELLS
     )
-    rays = cone_directions(np.array([0, 0, 1.0]), cone)
-    table = (
-        rays[:, 2], np.hypot(rays[:, 0], rays[:, 1]), np.arctan2(rays[:, 1], rays[:, 0]),
-        cone_weights(cone, cone_kernel),
+    rays = cone_directions(np.array([0, 0, 1.0]), cone).astype(np.float32)
+    lit = _Lit(
+        np.log2(averaged, out=np.full_like(averaged, -np.inf), where=averaged > 0),
+        plain.astype(np.float32), cone_visibility,
+        rays[:, 2].copy(), np.hypot(rays[:, 0], rays[:, 1]), np.arctan2(rays[:, 1], rays[:, 0]),
+        cone_weights(cone, cone_kernel).astype(np.float32),
     )  # fmt: skip
     out = np.full((len(observations.texels), 3), np.nan, np.float32)
 
     def work(block):
         _diffuse(
-            block, observations.view, statistics.threshold, statistics.minimum, averaged,
-            plain.astype(np.float32), table, cone_visibility, weights == "s",
-            METHODS.index(method), out,
+            block, observations.view, statistics.threshold, statistics.minimum, lit,
+            weights == "s", METHODS.index(method), out,
         )  # fmt: skip
 
     observations.store.map(work, progress)
