@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from ..samples.observations import Observations, color, mirror_direction, sample_quality
+from ..samples.observations import Observations, color, mirrors, sample_quality
 from .fit_samples import is_clipped
 from .lights import Light
 from .microfacet import PHONG, Gloss, specular
@@ -14,8 +14,6 @@ from .power import FAST, lobes
 
 LEAST_SCALE = 0.3
 """Of the residuals, 0..100: the noise of eight bits."""
-LOOKED_AT = 48
-"""Residuals of a texel, evenly spaced, at most, that tell their scale."""
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)
@@ -62,10 +60,10 @@ def _refit(block, view, material, gloss, tint, bulbs, diffuse):
             continue
         light_texel(view, t, bulbs, coefficients, rays, gains)
         for j in range(n):
-            x[j], y[j], z[j] = mirror_direction(view, t, block.frame[first + j])
             red[j], green[j], blue[j] = color(block, view, first + j)
             quality[j] = sample_quality(block, first + j)
             bound[j] = 0.0 if is_clipped(block, view, first + j) else -np.inf
+        mirrors(view, t, block.frame[first : first + n], x, y, z)
         if gloss.kind[m] == PHONG:
             lobes(x[:n], y[:n], z[:n], rays, gains, gloss.shape[m], shine)
             for j in range(n):
@@ -81,8 +79,9 @@ def _refit(block, view, material, gloss, tint, bulbs, diffuse):
                 + np.float32(0.0722) * blue[j] - shine[j]
             )  # fmt: skip
         for _ in range(2):
-            some = e[: n : 1 + n // LOOKED_AT]
-            h0 = np.float32(max(LEAST_SCALE, 1.68 * np.median(np.abs(some - np.float32(d)))))
+            for j in range(n):
+                w[j] = abs(e[j] - np.float32(d))
+            h0 = np.float32(max(LEAST_SCALE, 1.68 * np.median(w[:n])))
             top, weight = _weigh(n, e, np.float32(d), shine, quality, bound, h0, w)
             if weight > 0:
                 d = top / weight

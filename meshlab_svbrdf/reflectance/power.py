@@ -47,7 +47,7 @@ def lobes(x, y, z, rays, gains, alpha, out):
     out[: len(x)] = 0.0
     for k in range(len(gains)):
         if gains[k] > 0:
-            a, b, c = rays[k, 0], rays[k, 1], rays[k, 2]
+            a, b, c, gain = rays[k, 0], rays[k, 1], rays[k, 2], gains[k]
             for j in range(len(x)):
                 cos = a * x[j] + b * y[j] + c * z[j]
-                out[j] += gains[k] * power(max(cos, np.float32(1e-9)), alpha)
+                out[j] += gain * power(max(cos, np.float32(1e-9)), alpha)

@@ -160,6 +160,24 @@ def mirror_direction(view, i, f):
     return twice * nx - vx, twice * ny - vy, twice * nz - vz
 
 
+@njit(cache=True, nogil=True, error_model="numpy")
+def mirrors(view, i, frame, x, y, z):
+    """`mirror_direction` of texel i seen from some frames (n,), to x, y, z (n,) float32."""
+    n = len(frame)
+    nx, ny, nz = view.normal[i, 0], view.normal[i, 1], view.normal[i, 2]
+    px, py, pz = view.position[i, 0], view.position[i, 1], view.position[i, 2]
+    for j in range(n):
+        x[j] = view.eyes[frame[j], 0] - px
+        y[j] = view.eyes[frame[j], 1] - py
+        z[j] = view.eyes[frame[j], 2] - pz
+    for j in range(n):
+        scale = np.float32(1) / np.sqrt(x[j] * x[j] + y[j] * y[j] + z[j] * z[j])
+        twice = np.float32(2) * (nx * x[j] + ny * y[j] + nz * z[j]) * scale
+        x[j], y[j], z[j] = (
+            twice * nx - x[j] * scale, twice * ny - y[j] * scale, twice * nz - z[j] * scale,
+        )  # fmt: skip
+
+
 @njit(cache=True, nogil=True)
 def fill_visibility(view, i, out):
     """Texel i's 36 visibility coefficients to `out`; False where all is visible."""
