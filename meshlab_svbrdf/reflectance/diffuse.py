@@ -7,30 +7,33 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from ..geometry.harmonics import evaluate
 from ..samples.observations import (
+    VISIBLE,
     Observations,
     color,
     fill_visibility,
     longest_history,
-    mirror_axis,
+    mirrors,
     sample_luminance,
     sample_quality,
     visibility,
 )
 from .directions import look_up, octahedral_cell, octahedral_directions
+from .power import exp2
 from .threshold import LuminanceStatistics
 
 _CELLS = 512  # of the octahedral map along a side: .35° a cell, against a cone of 5°
 _STATISTICAL, _TRIMMED, _QUANTILE = range(3)
 METHODS = ("statistical", "trimmed", "quantile")
-NEGLIGIBLE = np.float32(-12.0)
-"""log₂ of b^(w²) below which s counts as 0: w being at least ¼, s is less than 1/1024 there."""
+DARK = np.float32(-1e6)
+"""log₂ b where no light comes from."""
 
 
 class _Lit(NamedTuple):
     """Where light comes from, as the kernel looks it up.
 
-    averaged : (C, C) float32, log₂ of eq. 4 without visibility, −inf where it is dark
+    averaged : (C, C) float32, log₂ of eq. 4 without visibility, or `DARK`
     plain : (C, C) float32, the map; per_direction : eq. 4 to the letter, in `plain`
     cosines, sines, phis, weights : (16,) float32, the cone's directions and g
     """
@@ -87,20 +90,17 @@ def cone_average(probability: np.ndarray, cone: float, kernel: str = "angle") ->
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def specular_weight(y, log_b, threshold, minimum):
-    """Eq. 3 and 5, guarded: s = b^(w²) / w in [0, 1], w = (t − min) / (Y − min) in [¼, 4].
+    """Eq. 3 and 5, guarded: s = b^(w²) / w in [0, 1], w = (t − min) / (Y − min) in [¼, 4]; float32.
 
-    log_b : log₂ b, −inf where no light comes from
+    log_b : log₂ b, `DARK` where no light comes from
     """
-    if not y > minimum:
-        return np.float32(0)
+    zero, one = np.float32(0), np.float32(1)
     w = np.float32((threshold - minimum) / (y - minimum))
-    if not threshold - minimum >= 1e-6:
-        w = np.float32(1)
+    w = w if threshold - minimum >= 1e-6 else one
     w = min(max(w, np.float32(0.25)), np.float32(4))
     exponent = np.float32(w * w * log_b)
-    if not exponent > NEGLIGIBLE:
-        return np.float32(0)
-    return min(np.exp2(exponent) / w, np.float32(1))
+    s = min(exp2(max(exponent, np.float32(-126))) / w, one)
+    return s if (y > minimum) & (exponent > DARK / 16) else zero
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -126,29 +126,30 @@ def _cone_with_visibility(lit, coefficients, x, y, z):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _specular_weights(block, view, i, threshold, minimum, ys, lit, letter, ws):
+def _specular_weights(block, view, i, threshold, minimum, ys, lit, letter, rows, ws):
     """Weigh each sample of the block's texel i by how surely it is diffuse, or by s to the letter.
 
-    Most of the map is black: there neither visibility nor exponential are needed.
+    Whole rows of samples at a time, for the compiler makes vector instructions of such loops.
     """
-    t, first = block.first + i, block.offsets[i]
-    coefficients = np.empty(36, np.float32)
-    filled = has = False
-    one = np.float32(1)
-    for j in range(block.offsets[i + 1] - first):
-        x, y, z = mirror_axis(view, t, block.frame[first + j])
-        row, col = octahedral_cell(x, y, z, lit.averaged.shape[0])
-        s = specular_weight(ys[j], lit.averaged[row, col], threshold, minimum)
-        if s > 0:
-            if not filled:
-                has, filled = fill_visibility(view, t, coefficients), True
-            unit = one / np.sqrt(x * x + y * y + z * z)
-            x, y, z = x * unit, y * unit, z * unit
-            if has and lit.per_direction:
-                log_b = np.log2(_cone_with_visibility(lit, coefficients, x, y, z))
-                s = specular_weight(ys[j], log_b, threshold, minimum)
-            elif not visibility(has, coefficients, x, y, z) > 0:
-                s = np.float32(0)
+    t, first, stop = block.first + i, block.offsets[i], block.offsets[i + 1]
+    n, coefficients, one = stop - first, np.empty(36, np.float32), np.float32(1)
+    x, y, z, log_b, seen = rows[0, :n], rows[1, :n], rows[2, :n], rows[3, :n], rows[4, :n]
+    mirrors(view, t, block.frame[first:stop], x, y, z)
+    for j in range(n):
+        row, col = octahedral_cell(x[j], y[j], z[j], lit.averaged.shape[0])
+        log_b[j] = lit.averaged[row, col]
+    if fill_visibility(view, t, coefficients):
+        if lit.per_direction:
+            for j in range(n):
+                b = _cone_with_visibility(lit, coefficients, x[j], y[j], z[j])
+                log_b[j] = np.log2(b) if b > 0 else DARK
+        else:
+            for j in range(n):
+                seen[j] = evaluate(coefficients, x[j], y[j], z[j])
+            for j in range(n):
+                log_b[j] = log_b[j] if seen[j] > VISIBLE else DARK
+    for j in range(n):
+        s = specular_weight(ys[j], log_b[j], threshold, minimum)
         ws[j] = s if letter else one - s
 
 
@@ -156,6 +157,7 @@ def _specular_weights(block, view, i, threshold, minimum, ys, lit, letter, ws):
 def _diffuse(block, view, threshold, minimum, lit, letter, method, out):
     longest = longest_history(block)
     ys, ws = np.empty(longest, np.float32), np.empty(longest, np.float32)
+    rows = np.empty((5, longest), np.float32)
     for i in range(block.stop - block.first):
         t, first = block.first + i, block.offsets[i]
         n = block.offsets[i + 1] - first
@@ -165,7 +167,7 @@ def _diffuse(block, view, threshold, minimum, lit, letter, method, out):
             ys[j] = sample_luminance(block, view, first + j)
         if method == _STATISTICAL:
             # Bound the diffuse samples by the weighted mean and deviation
-            _specular_weights(block, view, i, threshold[t], minimum[t], ys, lit, letter, ws)
+            _specular_weights(block, view, i, threshold[t], minimum[t], ys, lit, letter, rows, ws)
             total, weight = 0.0, 0.0
             for j in range(n):
                 total, weight = total + ws[j] * ys[j], weight + ws[j]
@@ -225,7 +227,7 @@ def diffuse_color(
     )
     rays = cone_directions(np.array([0, 0, 1.0]), cone).astype(np.float32)
     lit = _Lit(
-        np.log2(averaged, out=np.full_like(averaged, -np.inf), where=averaged > 0),
+        np.log2(averaged, out=np.full_like(averaged, DARK), where=averaged > 0),
         plain.astype(np.float32), cone_visibility,
         rays[:, 2].copy(), np.hypot(rays[:, 0], rays[:, 1]), np.arctan2(rays[:, 1], rays[:, 0]),
         cone_weights(cone, cone_kernel).astype(np.float32),

@@ -15,6 +15,9 @@ from ..geometry.visibility import Rays
 from .luminance import decode
 from .store import SampleStore
 
+VISIBLE = np.float32(0.25)
+"""Visibility, as the harmonics have it, up to which nothing is seen."""
+
 
 class View(NamedTuple):
     """The arrays that kernels read, as one argument.
@@ -161,19 +164,6 @@ def sample_quality(block, j):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def mirror_axis(view, i, f):
-    """Along r = 2 (n·v) n − v of texel i seen from frame f; as long as the way to the eye."""
-    vx, vy, vz = (
-        view.eyes[f, 0] - view.position[i, 0],
-        view.eyes[f, 1] - view.position[i, 1],
-        view.eyes[f, 2] - view.position[i, 2],
-    )
-    nx, ny, nz = view.normal[i, 0], view.normal[i, 1], view.normal[i, 2]
-    twice = np.float32(2) * (nx * vx + ny * vy + nz * vz)
-    return twice * nx - vx, twice * ny - vy, twice * nz - vz
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
 def mirror_direction(view, i, f):
     """r = 2 (n·v) n − v of texel i seen from frame f; unit."""
     vx, vy, vz = (
@@ -186,6 +176,24 @@ def mirror_direction(view, i, f):
     nx, ny, nz = view.normal[i, 0], view.normal[i, 1], view.normal[i, 2]
     twice = np.float32(2) * (nx * vx + ny * vy + nz * vz)
     return twice * nx - vx, twice * ny - vy, twice * nz - vz
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def mirrors(view, i, frame, x, y, z):
+    """`mirror_direction` of texel i seen from some frames (n,), to x, y, z (n,) float32."""
+    n = len(frame)
+    nx, ny, nz = view.normal[i, 0], view.normal[i, 1], view.normal[i, 2]
+    px, py, pz = view.position[i, 0], view.position[i, 1], view.position[i, 2]
+    for j in range(n):
+        x[j] = view.eyes[frame[j], 0] - px
+        y[j] = view.eyes[frame[j], 1] - py
+        z[j] = view.eyes[frame[j], 2] - pz
+    for j in range(n):
+        scale = np.float32(1) / np.sqrt(x[j] * x[j] + y[j] * y[j] + z[j] * z[j])
+        twice = np.float32(2) * (nx * x[j] + ny * y[j] + nz * z[j]) * scale
+        x[j], y[j], z[j] = (
+            twice * nx - x[j] * scale, twice * ny - y[j] * scale, twice * nz - z[j] * scale,
+        )  # fmt: skip
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -207,4 +215,4 @@ def visibility(has, coefficients, x, y, z):
     """Remapped visibility clip((V − .25) / .5, 0, 1) along a direction above the horizon."""
     if not has:
         return np.float32(1)
-    return np.float32(min(max((evaluate(coefficients, x, y, z) - 0.25) * 2.0, 0.0), 1.0))
+    return np.float32(min(max((evaluate(coefficients, x, y, z) - VISIBLE) * 2.0, 0.0), 1.0))

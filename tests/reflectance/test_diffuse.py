@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from meshlab_svbrdf.reflectance import diffuse
 from meshlab_svbrdf.reflectance.diffuse import (
+    DARK,
     METHODS,
     cone_average,
     cone_directions,
@@ -38,7 +39,7 @@ def _coarse_cones(monkeypatch):
 
 
 def weight(y, b, t, low):
-    return float(specular_weight(y, np.log2(b) if b > 0 else -np.inf + 0 * b, t, low))
+    return float(specular_weight(y, np.log2(b) if b > 0 else DARK + 0 * b, t, low))
 
 
 def test_weight_is_the_equation():
