@@ -1,0 +1,148 @@
+"""The pixels of a video's frames, for many threads: each frame is decoded once."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterable, Iterator
+from contextlib import ExitStack
+from itertools import chain
+from pathlib import Path
+from threading import Lock
+
+import av
+import numpy as np
+
+from ..errors import DocumentError
+from ..threads import thread_count
+from .video_file import Timeline, decoded, opened
+from .video_pixels import to_rgb
+
+log = logging.getLogger("meshlab_svbrdf")
+
+Source = tuple[av.container.InputContainer, av.VideoStream]
+WORTH_SEEKING = 8  # frames: decoding fewer is cheaper
+
+
+class VideoReader:
+    """The frames of a video, asked for from many threads, roughly in order; close it at the end.
+
+    Frames passed on the way to the one that is asked for are held, if they will be asked for. So
+    each is decoded once; of frames asked for far out of order some are decoded again.
+
+    path : the video
+    times : seconds, of the frames that will be asked for
+    decoded : how many frames were decoded so far
+    """
+
+    def __init__(self, path: Path, times: Iterable[float]) -> None:
+        self.path = path
+        self.decoded = 0
+        self._line = Timeline.read(path)
+        self._due: set[int] = set()
+        for time in times:
+            try:
+                self._due.add(self._line.find(time))
+            except DocumentError:  # who asks for it is told
+                continue
+        self._lock = Lock()
+        self._held: dict[int, av.VideoFrame] = {}
+        self._room = max(16, 4 * thread_count())
+        self._lost: set[int] = set()
+        self._seekable = True
+        self._told = False
+        self._file = ExitStack()
+        self._close()
+
+    def read(self, time: float) -> np.ndarray:
+        """The frame shown at `time`, (H, W, 3) uint8.
+
+        Raises
+        ------
+        DocumentError : there is no such frame, or it is damaged.
+        """
+        pts = self._line.find(time)
+        with self._lock:
+            frame = self._held.pop(pts, None)
+            if frame is None and pts not in self._lost:
+                frame = self._fetch(pts)
+            self._due.discard(pts)
+            if not self._due:
+                self._close()
+        if frame is None:
+            raise DocumentError(
+                f"{self.path}: the frame at {time:.3f} s cannot be decoded: the video is damaged; "
+                "copy it again, convert it, or remove the raster"
+            )
+        return to_rgb(frame)
+
+    def close(self) -> None:
+        with self._lock:
+            self._close()
+
+    def _close(self) -> None:
+        self._file.close()
+        self._source: Source | None = None
+        self._frames: Iterator[tuple[int, av.VideoFrame]] = iter(())
+        self._position = float("-inf")  # all frames up to here were decoded or passed over
+
+    def _fetch(self, pts: int) -> av.VideoFrame | None:
+        """Decode on to a frame and hold those on the way that are due; None where it is lost."""
+        passed = sorted(p for p in self._due - self._held.keys() if self._position < p < pts)
+        if len(passed) > self._room:
+            passed = []
+        for stop in passed:
+            frame = self._decode_to(stop)
+            if frame is not None:
+                self._hold(stop, frame)
+        return self._decode_to(pts)
+
+    def _hold(self, pts: int, frame: av.VideoFrame) -> None:
+        self._held[pts] = frame
+        if len(self._held) > self._room:
+            del self._held[min(self._held)]
+
+    def _decode_to(self, stop: int) -> av.VideoFrame | None:
+        key = self._line.key_before(stop)
+        skipped = 0 if key is None else self._line.between(self._position, key)
+        if self._source is None or stop <= self._position or skipped >= WORTH_SEEKING:
+            self._begin(key)
+        self._position = stop
+        for pts, frame in self._frames:
+            if pts > stop:
+                self._frames = chain([(pts, frame)], self._frames)
+                break
+            if pts == stop:
+                return frame
+        self._lost.add(stop)
+        return None
+
+    def _begin(self, key: int | None) -> None:
+        """Go to a keyframe; to the start where seeking does not find it."""
+        if key is not None and key > self._line.pts[0] and self._seekable:
+            container, stream = self._source or self._open()
+            container.seek(key, stream=stream)
+            frames = self._stamped(decoded(container, stream))
+            first = next((each for each in frames if each[0] >= key), None)
+            if first is not None and first[0] == key:
+                self._frames = chain([first], frames)
+                return
+            self._seekable = False
+        self._frames = self._stamped(decoded(*self._open()))
+
+    def _open(self) -> Source:
+        self._file.close()
+        container, stream = self._source = self._file.enter_context(opened(self.path))
+        stream.thread_type = "AUTO"
+        return container, stream
+
+    def _stamped(self, frames: Iterator[av.VideoFrame]) -> Iterator[tuple[int, av.VideoFrame]]:
+        for frame in frames:
+            self.decoded += 1
+            if frame.interlaced_frame and not self._told:
+                self._told = True
+                log.warning(
+                    "%s is interlaced: its frames hold two moments; deinterlace it, or film "
+                    "progressively", self.path,
+                )  # fmt: skip
+            if frame.pts is not None:
+                yield frame.pts, frame
