@@ -17,7 +17,7 @@ from .images import check_size, frame_problem, read_frame
 from .project import RasterEntry
 from .video import VideoReader
 from .video_file import video_problem
-from .video_names import video_frames
+from .video_names import VIDEOS, is_frames_folder, video_frames
 
 
 class Frames:
@@ -61,6 +61,8 @@ class Frames:
         if frame is not None:
             return self._video_problem(frame.video)
         found = frame_problem(raster.path)
+        if found and is_frames_folder(raster.path.parent):
+            found += f", and {VIDEOS} beside it does not say which frame of a video it is"
         return f"{raster.path} {found}" if found else ""
 
     def exposure(self, raster: RasterEntry) -> float | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from bisect import bisect_left, bisect_right
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack
 from itertools import chain
@@ -38,12 +39,7 @@ class VideoReader:
         self.path = path
         self.decoded = 0
         self._line = Timeline.read(path)
-        self._due: set[int] = set()
-        for time in times:
-            try:
-                self._due.add(self._line.find(time))
-            except DocumentError:  # who asks for it is told
-                continue
+        self._due = sorted({self._line.pts[k] for k in map(self._line.look, times) if k >= 0})
         self._lock = Lock()
         self._held: dict[int, av.VideoFrame] = {}
         self._room = max(16, 4 * thread_count())
@@ -65,7 +61,9 @@ class VideoReader:
             frame = self._held.pop(pts, None)
             if frame is None and pts not in self._lost:
                 frame = self._fetch(pts)
-            self._due.discard(pts)
+            at = bisect_left(self._due, pts)
+            if self._due[at : at + 1] == [pts]:
+                del self._due[at]
             if not self._due:
                 self._close()
         if frame is None:
@@ -87,10 +85,9 @@ class VideoReader:
 
     def _fetch(self, pts: int) -> av.VideoFrame | None:
         """Decode on to a frame and hold those on the way that are due; None where it is lost."""
-        passed = sorted(p for p in self._due - self._held.keys() if self._position < p < pts)
-        if len(passed) > self._room:
-            passed = []
-        for stop in passed:
+        due = self._due[bisect_right(self._due, self._position) : bisect_left(self._due, pts)]
+        passed = [stop for stop in due if stop not in self._held]
+        for stop in passed if len(passed) <= self._room else ():
             frame = self._decode_to(stop)
             if frame is not None:
                 self._hold(stop, frame)

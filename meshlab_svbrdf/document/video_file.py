@@ -13,6 +13,7 @@ from bisect import bisect_right
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import chain
 from pathlib import Path
 
@@ -92,13 +93,23 @@ class Timeline:
             raise DocumentError(f"{path}: holds no frame; copy the video again")
         return cls(path, sorted(keys), sorted(pts for pts, key in keys.items() if key), tick)
 
+    @cached_property
+    def times(self) -> np.ndarray:
+        """Seconds."""
+        return np.array(self.pts) * self.tick
+
+    def look(self, time: float) -> int:
+        """The index of the frame at `time`, -1 where there is none."""
+        at = int(np.argmin(np.abs(self.times - time)))
+        return at if abs(self.times[at] - time) <= SAME else -1
+
     def find(self, time: float) -> int:
         """The time stamp of the frame at `time`; DocumentError where there is none."""
-        at = int(np.argmin(np.abs(np.array(self.pts) * self.tick - time)))
-        if abs(self.pts[at] * self.tick - time) > SAME:
+        at = self.look(time)
+        if at < 0:
             raise DocumentError(
                 f"{self.path}: has no frame at {time:.3f} s ({len(self.pts)} frames, the last at "
-                f"{self.pts[-1] * self.tick:.3f} s): it is cut off, or not the video that was "
+                f"{self.times[-1]:.3f} s): it is cut off, or not the video that was "
                 "registered; put that one back"
             )
         return self.pts[at]
@@ -121,8 +132,7 @@ def frame_times(path: str | Path) -> np.ndarray:
     DocumentError : the file is missing, no video, cut off so that it cannot be opened, HDR, or
         without time stamps.
     """
-    line = Timeline.read(Path(path))
-    return np.array(line.pts) * line.tick
+    return Timeline.read(Path(path)).times
 
 
 def decoded(

@@ -10,6 +10,7 @@ import json
 import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -67,7 +68,7 @@ def read_videos(folder: Path) -> dict[str, VideoFrame]:
         content = json.loads(path.read_text(encoding="utf-8"))
         if content["format"] != FORMAT:
             raise ValueError(f"format {content['format']}, this version reads {FORMAT}")
-        return {
+        found = {
             str(name): VideoFrame(
                 Path(os.path.normpath(folder.resolve() / video["file"])),
                 int(frame["index"]),
@@ -76,6 +77,9 @@ def read_videos(folder: Path) -> dict[str, VideoFrame]:
             for video in content["videos"]
             for name, frame in video["frames"].items()
         }
+        if not all(isfinite(frame.time) for frame in found.values()):
+            raise ValueError("a time that is no number")
+        return found
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise DocumentError(
             f"{path}: does not tell which frames of which videos the rasters are "

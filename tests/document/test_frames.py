@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 from meshlab_svbrdf.cli import app
 from meshlab_svbrdf.document.document import Document
 from meshlab_svbrdf.document.frames import Frames
-from meshlab_svbrdf.document.images import read_frame
+from meshlab_svbrdf.document.images import read_frame, write_png
 from meshlab_svbrdf.document.project import read_project
 from meshlab_svbrdf.document.video_file import frame_times
 from meshlab_svbrdf.errors import DocumentError
@@ -224,6 +224,19 @@ def test_projects_are_appended_with_their_videos(project, tmp_path, small_projec
     assert rasters["mine"].sequence != rasters["walk_000004.jpg"].sequence
 
 
+def test_masks_beside_the_names_are_found_and_follow(small_project, video, tmp_path):
+    document = Document.open(small_project)
+    folder = document.folder / "frames/masks"
+    folder.mkdir(parents=True)
+    write_png(folder / "walk_000004.png", np.full((48, 64), 255, np.uint8))
+    document.add_video(video, {k: camera(k) for k in USED})
+    there = Document.open(document.save(tmp_path / "there/other.mlp"))
+    shutil.rmtree(small_project.with_suffix(".svbrdf"))
+    masks = [raster.mask for raster in of_video(there)]
+    assert masks == [there.folder / "frames/masks/walk_000004.png"] + [None] * (len(USED) - 1)
+    assert "svbrdf_mask" not in there.path.read_text()
+
+
 # Whether results belong to it
 
 
@@ -260,6 +273,10 @@ def test_every_8th_frame_is_held_out_as_of_images(project):
 
 # What is wrong
 
+TIMELESS = (
+    '{"format": 1, "videos": [{"file": "a", "frames": {"a_0.jpg": {"index": 0, "time": NaN}}}]}'
+)
+
 
 def test_a_video_that_went_away_is_named(project, video):
     video.unlink()
@@ -284,11 +301,39 @@ def test_a_camera_of_another_size_is_named(project):
         frames.read(raster)
 
 
-@pytest.mark.parametrize("text", ["", "[]", "{}", '{"format": 2}', '{"format": 1, "videos": [{}]}'])
+@pytest.mark.parametrize(
+    "text", ["", "[]", "{}", TIMELESS, '{"format": 2}', '{"format": 1, "videos": [{}]}']
+)
 def test_damaged_names_are_told(project, text):
     (project.with_suffix(".svbrdf") / "frames/videos.json").write_text(text)
     with pytest.raises(DocumentError, match=r"videos\.json: does not tell which .* add the videos"):
         Frames(read_project(project).rasters)
+
+
+def test_names_that_were_lost_are_told(project):
+    (project.with_suffix(".svbrdf") / "frames/videos.json").unlink()
+    document = Document.open(project)
+    with Frames(document.rasters) as frames:
+        (lost,) = {frames.problem(raster).partition(" ")[2] for raster in of_video(document)}
+    assert lost == (
+        "does not exist, and videos.json beside it does not say which frame of a video it is"
+    )
+
+
+@pytest.mark.skipif(not Path("/proc/self/fd").is_dir(), reason="needs Linux to see open files")
+def test_videos_are_closed(project, video):
+    def is_open() -> bool:
+        return video in {path.resolve() for path in Path("/proc/self/fd").iterdir()}
+
+    rasters = of_video(Document.open(project))
+    with Frames(rasters) as frames:
+        frames.read(rasters[0])
+        assert is_open()
+    assert not is_open()
+    frames = Frames(rasters)
+    for raster in rasters:
+        frames.read(raster)
+    assert not is_open()  # all were read
 
 
 def test_info_tells_of_videos(project, video):
