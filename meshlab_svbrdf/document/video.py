@@ -6,7 +6,6 @@ import logging
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack
-from itertools import chain
 from pathlib import Path
 from threading import Lock
 
@@ -21,6 +20,7 @@ from .video_pixels import to_rgb
 log = logging.getLogger("meshlab_svbrdf")
 
 Source = tuple[av.container.InputContainer, av.VideoStream]
+Stamped = tuple[int, av.VideoFrame]  # with its time stamp
 WORTH_SEEKING = 8  # frames: decoding fewer is cheaper
 
 
@@ -71,7 +71,12 @@ class VideoReader:
                 f"{self.path}: the frame at {time:.3f} s cannot be decoded: the video is damaged; "
                 "copy it again, convert it, or remove the raster"
             )
-        return to_rgb(frame)
+        try:
+            return to_rgb(frame)
+        except (av.FFmpegError, ValueError) as error:
+            raise DocumentError(
+                f"{self.path}: its pixels cannot be turned into RGB ({error}); convert it to H.264"
+            ) from None
 
     def close(self) -> None:
         with self._lock:
@@ -80,7 +85,8 @@ class VideoReader:
     def _close(self) -> None:
         self._file.close()
         self._source: Source | None = None
-        self._frames: Iterator[tuple[int, av.VideoFrame]] = iter(())
+        self._frames: Iterator[Stamped] = iter(())
+        self._newest: Stamped | None = None
         self._position = float("-inf")  # all frames up to here were decoded or passed over
 
     def _fetch(self, pts: int) -> av.VideoFrame | None:
@@ -104,12 +110,10 @@ class VideoReader:
         if self._source is None or stop <= self._position or skipped >= WORTH_SEEKING:
             self._begin(key)
         self._position = stop
-        for pts, frame in self._frames:
-            if pts > stop:
-                self._frames = chain([(pts, frame)], self._frames)
-                break
-            if pts == stop:
-                return frame
+        while self._newest is not None and self._newest[0] < stop:
+            self._newest = next(self._frames, None)
+        if self._newest is not None and self._newest[0] == stop:
+            return self._newest[1]
         self._lost.add(stop)
         return None
 
@@ -117,14 +121,17 @@ class VideoReader:
         """Go to a keyframe; to the start where seeking does not find it."""
         if key is not None and key > self._line.pts[0] and self._seekable:
             container, stream = self._source or self._open()
-            container.seek(key, stream=stream)
-            frames = self._stamped(decoded(container, stream))
-            first = next((each for each in frames if each[0] >= key), None)
-            if first is not None and first[0] == key:
-                self._frames = chain([first], frames)
+            try:
+                container.seek(key, stream=stream)
+                self._frames = self._stamped(decoded(container, stream))
+                self._newest = next((each for each in self._frames if each[0] >= key), None)
+            except av.FFmpegError:
+                self._newest = None
+            if self._newest is not None and self._newest[0] == key:
                 return
             self._seekable = False
         self._frames = self._stamped(decoded(*self._open()))
+        self._newest = next(self._frames, None)
 
     def _open(self) -> Source:
         self._file.close()
@@ -132,7 +139,7 @@ class VideoReader:
         stream.thread_type = "AUTO"
         return container, stream
 
-    def _stamped(self, frames: Iterator[av.VideoFrame]) -> Iterator[tuple[int, av.VideoFrame]]:
+    def _stamped(self, frames: Iterator[av.VideoFrame]) -> Iterator[Stamped]:
         for frame in frames:
             self.decoded += 1
             if frame.interlaced_frame and not self._told:
