@@ -1,6 +1,6 @@
 """A video file: opened, its packets, and when its frames are shown, without decoding them.
 
-opened          the file and its first video stream
+opened          the file and its main video stream
 video_problem   what a glance tells against a file
 Timeline        the time stamps of its frames
 frame_times     the same in seconds
@@ -30,7 +30,7 @@ SAME = 1e-3  # seconds: a copy in another container may round its times to milli
 
 @contextmanager
 def opened(path: Path) -> Iterator[tuple[av.container.InputContainer, av.VideoStream]]:
-    """The file and its first video stream; DocumentError where there is none to be decoded."""
+    """The file and its main video stream; DocumentError where there is none to be decoded."""
     if not path.is_file():
         raise DocumentError(f"{path}: does not exist; put the video back where it was")
     try:
@@ -41,9 +41,9 @@ def opened(path: Path) -> Iterator[tuple[av.container.InputContainer, av.VideoSt
             f"{path}: is not a video, or is cut off ({why}); copy it again, or convert it to MP4"
         ) from None
     with container:
-        if not container.streams.video:
+        stream = container.streams.best("video")
+        if not isinstance(stream, av.VideoStream):
             raise DocumentError(f"{path}: holds no video; give the file that has the pictures")
-        stream = container.streams.video[0]
         if stream.codec_context is None:
             raise DocumentError(f"{path}: its codec is not known; convert it to H.264")
         transfer = HDR.get(int(stream.codec_context.color_trc))

@@ -70,6 +70,36 @@ def test_a_copy_in_another_container_serves_as_well(folder):
     np.testing.assert_array_equal([reader.read(time) for time in times], PICTURES)
 
 
+def test_frames_that_an_edit_list_hides_do_not_count(tmp_path):
+    path = write_video(tmp_path / "a.mp4", PICTURES[:40], [40 * k - 520 for k in range(40)])
+    assert frame_times(path).tolist() == [k / 25 for k in range(27)]
+    found, decoded = read(path, range(27), threads=4)
+    np.testing.assert_array_equal(found, PICTURES[13:40])
+    assert decoded == 27
+
+
+@pytest.mark.parametrize(
+    ("name", "codec", "pixels"),
+    [
+        ("a.avi", "mpeg4", "yuv420p"),
+        ("a.webm", "libvpx-vp9", "yuv420p"),
+        ("a.mp4", "libx265", "yuv420p10le"),
+        ("a.mkv", "ffv1", "yuv422p10le"),
+        ("a.mov", "mjpeg", "yuvj444p"),
+    ],
+)
+def test_other_codecs_and_depths_are_read(tmp_path, name, codec, pixels):
+    if codec not in av.codecs_available:
+        pytest.skip(f"PyAV was built without {codec}")
+    options = {"b": "4000000", "lossless": "1"} | {"x265-params": "log-level=none"}
+    write_video(tmp_path / name, PICTURES[:30], codec=codec, pixels=pixels, options=options)
+    found, decoded = read(tmp_path / name, range(0, 30, 2), threads=4)
+    errors = [np.abs(PICTURES[:30].astype(int) - image).mean((1, 2, 3)) for image in found]
+    assert np.argmin(errors, 1).tolist() == list(range(0, 30, 2))
+    assert np.min(errors, 1).max() < 15
+    assert decoded <= 30
+
+
 # How often
 
 
