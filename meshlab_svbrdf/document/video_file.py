@@ -32,7 +32,10 @@ SAME = 1e-3  # seconds: a copy in another container may round its times to milli
 def opened(path: Path) -> Iterator[tuple[av.container.InputContainer, av.VideoStream]]:
     """The file and its main video stream; DocumentError where there is none to be decoded."""
     if not path.is_file():
-        raise DocumentError(f"{path}: does not exist; put the video back where it was")
+        raise DocumentError(
+            f"{path}: does not exist; put the video back, or correct its path in the project's "
+            "frames/videos.json"
+        )
     try:
         container = av.open(str(path.absolute()), options={"format_whitelist": CONTAINERS})
     except (av.FFmpegError, ValueError) as error:

@@ -173,6 +173,19 @@ def test_a_folder_reached_by_a_link_is_the_same(project, video, tmp_path):
         np.testing.assert_array_equal(frames.read(added), PICTURES[0])
 
 
+def test_a_video_that_went_elsewhere_is_named_anew(project, video, tmp_path):
+    document = Document.open(project)
+    document.apply(TEXELS)
+    document.apply(SHADE)
+    (tmp_path / "far").mkdir()
+    video.rename(tmp_path / "far/walk.mp4")
+    path = document.folder / "frames/videos.json"
+    path.write_text(path.read_text().replace("../../../films/walk.mp4", f"{tmp_path}/far/walk.mp4"))
+    again = Document.open(document.save())
+    assert_frames(again)
+    assert again.apply(SHADE).skipped
+
+
 @pytest.mark.parametrize("name", ["small.mlp", "other.mlp"])
 def test_meshlab_may_save_the_project(project, tmp_path, name):
     document = Document.open(project)
