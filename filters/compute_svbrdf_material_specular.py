@@ -30,8 +30,9 @@ FILTER = Filter(
     title="SVBRDF: specular per material",
     needs=(
         "mesh", "rasters", "texels", "visibility", "samples", "environment", "diffuse", "lights",
-        "texel_specular", "materials",
+        "materials",
     ),
+    needs_if={"texel_specular": ("estimator", "paper")},
     writes=("material_specular",),
     parameters=(
         Parameter(

@@ -1,0 +1,209 @@
+"""The performance workload: a scan, frames of it in full HD, their cameras, and the truth.
+
+make_workload   into a folder, or what is lacking there; frames are made once
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections import deque
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from ..document.atomic import replacing
+from ..document.images import write_exr, write_png
+from ..document.mesh_files import write_ply
+from ..document.project import new_project, write_project
+from ..errors import SvbrdfError
+from ..geometry.camera import Camera
+from ..geometry.texels import Texels, rasterise_texels
+from ..threads import thread_count
+from .scene import AMBIENT, LAMPS, MATERIALS, BenchScene
+from .walk import FAR, frame_camera, look, turn_of
+
+VERSION = 1  # of the generator: raise it when the same options give other files
+FORMATS = {"jpeg": ".jpg", "png": ".png"}
+VIEWS = ((0.2, 0.55), (1.7, 0.1), (3.3, 0.8), (4.9, 0.3))  # held out: azimuth, elevation
+
+
+@dataclass(frozen=True)
+class Options:
+    """triangles : about how many; width, height : pixels; format : one of FORMATS
+
+    quality : of JPEG; noise : standard deviation in code values; step : degrees between frames;
+    truth : side of the image of the true D
+    """
+
+    triangles: int = 200_000
+    width: int = 1920
+    height: int = 1080
+    format: str = "jpeg"
+    quality: int = 95
+    noise: float = 1.5
+    step: float = 1.0
+    truth: int = 1024
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class Workload:
+    """A made workload of so many frames."""
+
+    folder: Path
+    options: Options
+    scene: BenchScene
+    frames: int
+
+    @property
+    def project(self) -> Path:
+        """The project of all frames."""
+        return self.first(self.frames)
+
+    def first(self, frames: int) -> Path:
+        """A project of the first frames, written where it is not there yet."""
+        path = self.folder / f"bench_{frames:05d}.mlp"
+        if frames > self.frames:
+            raise ValueError(f"{frames} frames of a workload of {self.frames}")
+        if not path.is_file():
+            project = new_project()
+            project.add_mesh("bench", self.folder / "bench.ply")
+            for index in range(frames):
+                frame = self.frame_path(index)
+                project.add_raster(
+                    f"{frame.parent.name}_{frame.name}", frame, self.camera(index),
+                    sequence=frame.parent.name,
+                )  # fmt: skip
+            write_project(project, path)
+        return path
+
+    def camera(self, index: int) -> Camera:
+        o = self.options
+        return frame_camera(index, o.width, o.height, self.scene.reach, o.step)
+
+    def frame_path(self, index: int) -> Path:
+        return _frame_path(self.folder, self.options, index)
+
+    def texels(self, size: int) -> Texels:
+        return rasterise_texels(self.scene.mesh, ((size, size),))
+
+    def views(self) -> Path:
+        """A project of views that no frame has, rendered without noise."""
+        folder = self.folder / "ground_truth" / "views"
+        path = folder / "project.mlp"
+        if not path.is_file():
+            folder.mkdir(parents=True, exist_ok=True)
+            project = new_project()
+            project.add_mesh("bench", self.folder / "bench.ply")
+            o, reach = self.options, self.scene.reach
+            for index, (azimuth, elevation) in enumerate(VIEWS):
+                camera = look(azimuth, elevation, 1.05 * FAR, o.width // 2, o.height // 2, reach)
+                image = folder / f"view_{index:02d}.png"
+                write_png(image, self.scene.frame(camera, index, noise=False))
+                project.add_raster(image.name, image, camera)
+            write_project(project, path)
+        return path
+
+
+def default_folder() -> Path:
+    """Where workloads are kept: the user's cache."""
+    cache = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    return Path(cache) / "meshlab-svbrdf" / "bench"
+
+
+def make_workload(
+    folder: Path | None,
+    frames: int,
+    options: Options | None = None,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> Workload:
+    """Make a workload; frames that are there already are taken as they are.
+
+    Parameters
+    ----------
+    folder : gets a folder for each kind of workload; None: the user's cache
+    frames : how many; fewer than are there is as good
+    progress : called with the frames made, and all
+
+    Raises
+    ------
+    SvbrdfError : no such format.
+    """
+    options = options or Options()
+    if options.format not in FORMATS:
+        raise SvbrdfError(f"format: expected one of {', '.join(FORMATS)}, found {options.format!r}")
+    words = json.dumps([VERSION, asdict(options)], sort_keys=True)
+    name = f"{options.width}x{options.height}_{options.format}_{_digest(words)}"
+    place = (folder or default_folder()).absolute() / name
+    place.mkdir(parents=True, exist_ok=True)
+    scene = BenchScene(options.triangles, options.noise, options.seed)
+    workload = Workload(place, options, scene, frames)
+    if not (place / "bench.ply").is_file():
+        write_ply(place / "bench.ply", scene.mesh)
+    if not (place / "ground_truth" / "lights.json").is_file():
+        _write_truth(workload)
+    todo = [index for index in range(frames) if not workload.frame_path(index).is_file()]
+    _ = scene.seen  # once, not once a thread
+    with ThreadPoolExecutor(thread_count()) as pool:
+        pending: deque[Future[None]] = deque()
+        for done, index in enumerate(todo):
+            pending.append(pool.submit(_write_frame, workload, index))
+            if len(pending) > 2 * thread_count():
+                pending.popleft().result()
+            progress(done, len(todo))
+        for future in pending:
+            future.result()
+    return workload
+
+
+def _frame_path(folder: Path, options: Options, index: int) -> Path:
+    turn = turn_of(index, options.step)
+    return folder / f"turn{turn:02d}" / f"{index:05d}{FORMATS[options.format]}"
+
+
+def _write_frame(workload: Workload, index: int) -> None:
+    image = workload.scene.frame(workload.camera(index), index)
+    path = workload.frame_path(index)
+    path.parent.mkdir(exist_ok=True)
+    setting = (
+        [cv2.IMWRITE_JPEG_QUALITY, workload.options.quality]
+        if path.suffix == ".jpg"
+        else [cv2.IMWRITE_PNG_COMPRESSION, 1]
+    )
+    _, data = cv2.imencode(path.suffix, cv2.cvtColor(image, cv2.COLOR_RGB2BGR), setting)
+    with replacing(path) as temporary:
+        temporary.write_bytes(data.tobytes())
+
+
+def _write_truth(workload: Workload) -> None:
+    """Write D as an image, lamps and materials (lights.json last: it tells that all is there)."""
+    truth = workload.folder / "ground_truth"
+    truth.mkdir(exist_ok=True)
+    texels = workload.texels(workload.options.truth)
+    D, kind = workload.scene.truth(texels)
+    write_exr(truth / "diffuse_shaded.exr", texels.to_images(D.astype(np.float32))[0])
+    write_png(truth / "material_id.png", texels.to_images(kind.astype(np.uint8), 255)[0])
+    materials = [
+        {"id": index, "name": name, "rho_s": rho_s, "alpha": alpha}
+        for index, (name, rho_s, alpha) in enumerate(MATERIALS)
+    ]
+    _write_json(truth / "materials.json", {"bsdf": "phong", "materials": materials})
+    lamps = [
+        {"position": place.tolist(), "intensity": float(intensity)}
+        for place, intensity in zip(workload.scene.lamps[:, :3], LAMPS[:, 3], strict=True)
+    ]
+    _write_json(truth / "lights.json", {"emitters": lamps, "ambient_radiance": AMBIENT})
+
+
+def _write_json(path: Path, value: dict) -> None:
+    path.write_text(json.dumps(value, indent=1) + "\n", encoding="utf-8")
+
+
+def _digest(words: str) -> str:
+    return hashlib.sha256(words.encode()).hexdigest()[:8]
