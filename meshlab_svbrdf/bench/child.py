@@ -153,7 +153,14 @@ def _mean(figures: list[Figures]) -> Figures:
     return {key: sum(each[key] for each in figures) / len(figures) for key in figures[0]}
 
 
-TASKS: dict[str, Callable[..., Figures]] = {"chain": run_chain, "warm": warm_up}
+def run_decode(project: str) -> Figures:
+    """Only decode every frame of a project."""
+    return decode_frames(Document.open(project)) | {"threads": thread_count()}
+
+
+TASKS: dict[str, Callable[..., Figures]] = {
+    "chain": run_chain, "decode": run_decode, "warm": warm_up,
+}  # fmt: skip
 
 
 def main() -> None:

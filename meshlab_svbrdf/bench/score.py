@@ -15,7 +15,7 @@ from .workload import Workload
 BRIGHTEST = 0.1  # of the object's pixels: where highlights are
 
 
-def score(workload: Workload, result: Path) -> dict[str, float]:
+def score(workload: Workload, result: Path) -> dict[str, float | None]:
     """dE : mean CIEDE2000 over the observed texels; highlights : root mean square, in codes of
     sRGB, over the brightest tenth of the object in views that no frame has.
 
@@ -25,12 +25,15 @@ def score(workload: Workload, result: Path) -> dict[str, float]:
     return {"dE": diffuse_error(workload, document), "highlights": _highlights(workload, document)}
 
 
-def diffuse_error(workload: Workload, document: Document) -> float:
-    """Mean CIEDE2000 between a result's D and the true one, over the texels that have one."""
+def diffuse_error(workload: Workload, document: Document) -> float | None:
+    """Mean CIEDE2000 between a result's D and the true one, over the texels that have one; None
+    where there is none."""
     texels = document.texels()
     true, _ = workload.scene.truth(texels)
     got = document.map("diffuse")[0][texels.row, texels.col]
     known = np.isfinite(got).all(-1)
+    if not known.any():
+        return None
     return float(_delta_E(got[known], true[known]).mean())
 
 

@@ -123,8 +123,8 @@ def _automatic(found: Figures) -> Sheet:
     cells = [
         [
             name, str(row["frames_used"]), _s(row["seconds"]), _s(row["cpu_seconds"]),
-            _ratio(row["ratio"]), _ratio(row["cpu_ratio"]), f"{row['dE']:.3f}",
-            f"{row['highlights']:.2f}",
+            _ratio(row["ratio"]), _ratio(row["cpu_ratio"]), _ratio(row["dE"], 3),
+            _ratio(row["highlights"]),
         ]
         for name, row in found.items()
     ]  # fmt: skip
@@ -170,8 +170,8 @@ def _s(seconds: float) -> str:
     return f"{seconds:.2f}"
 
 
-def _ratio(value: float | None) -> str:
-    return "–" if value is None else f"{value:.2f}"
+def _ratio(value: float | None, digits: int = 2) -> str:
+    return "–" if value is None else f"{value:.{digits}f}"
 
 
 def _rate(samples: int, seconds: float) -> str:
