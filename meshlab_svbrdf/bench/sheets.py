@@ -11,6 +11,7 @@ from .analysis import KINDS, paper_row, total
 Figures = dict[str, Any]
 GPU = {"environment": 0.145, "diffuse": 0.143, "specular": 0.055}  # the paper's, s a frame
 MIB = 1 << 20
+PAPER = "The paper's columns: time of all frames (of each)"
 
 
 @dataclass(frozen=True)
@@ -83,7 +84,7 @@ def _paper(runs: Sequence[Figures]) -> Sheet:
     ]  # fmt: skip
     paper = [f"{1000 * seconds:.0f} ms" for seconds in GPU.values()]
     return Sheet(
-        "The paper's columns: time of all frames (of each)",
+        PAPER,
         ["frames", "triangles", "registration", *GPU, "clusters"],
         [*cells, ["paper, GTX 580", "135–250k", "–", *paper, "–"]],
         ("Environment: all up to the map, projecting the frames included.",),
