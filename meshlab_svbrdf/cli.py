@@ -1,4 +1,4 @@
-"""The shell: `meshlab-svbrdf run | apply | filters | presets | info | render`.
+"""The shell: `meshlab-svbrdf run | apply | filters | presets | info | render | bench`.
 
 Exit codes: 0 done, 1 an error of the input (said without a traceback), 2 wrong usage, 130
 interrupted.
@@ -23,6 +23,7 @@ from rich.logging import RichHandler
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
 from . import registry
+from .bench.command import bench
 from .document.document import Document, Outcome
 from .document.frames import Frames
 from .document.freshness import in_words
@@ -233,6 +234,9 @@ def render(
             )
         with _stages(as_json) as (say, show):
             say(document.apply(RENDERING, False, show("render"), **parameters))
+
+
+app.command()(bench)
 
 
 def main() -> None:
