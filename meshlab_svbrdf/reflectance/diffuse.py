@@ -20,20 +20,20 @@ from ..samples.observations import (
     visibility,
 )
 from .directions import look_up, octahedral_cell, octahedral_directions
-from .power import FAST, exp2
+from .power import FAST, exp
 from .threshold import LuminanceStatistics
 
 _CELLS = 512  # of the octahedral map along a side: .35° a cell, against a cone of 5°
 _STATISTICAL, _TRIMMED, _QUANTILE = range(3)
 METHODS = ("statistical", "trimmed", "quantile")
 DARK = np.float32(-1e6)
-"""log₂ b where no light comes from."""
+"""ln b where no light comes from."""
 
 
 class _Lit(NamedTuple):
     """Where light comes from, as the kernel looks it up.
 
-    averaged : (C, C) float32, log₂ of eq. 4 without visibility, or `DARK`
+    averaged : (C, C) float32, ln of eq. 4 without visibility, or `DARK`
     plain : (C, C) float32, the map; per_direction : eq. 4 to the letter, in `plain`
     cosines, sines, phis, weights : (16,) float32, the cone's directions and g
     """
@@ -92,14 +92,14 @@ def cone_average(probability: np.ndarray, cone: float, kernel: str = "angle") ->
 def specular_weight(y, log_b, threshold, minimum):
     """Eq. 3 and 5, guarded: s = b^(w²) / w in [0, 1], w = (t − min) / (Y − min) in [¼, 4]; float32.
 
-    log_b : log₂ b, `DARK` where no light comes from
+    log_b : ln b, `DARK` where no light comes from
     """
     zero, one = np.float32(0), np.float32(1)
     w = np.float32((threshold - minimum) / (y - minimum))
     w = w if threshold - minimum >= 1e-6 else one
     w = min(max(w, np.float32(0.25)), np.float32(4))
     exponent = np.float32(w * w * log_b)
-    s = min(exp2(max(exponent, np.float32(-126))) / w, one)
+    s = min(exp(exponent) / w, one)
     return s if (y > minimum) & (exponent > DARK / 16) else zero
 
 
@@ -142,7 +142,7 @@ def _specular_weights(block, view, i, threshold, minimum, ys, lit, letter, rows,
         if lit.per_direction:
             for j in range(n):
                 b = _cone_with_visibility(lit, coefficients, x[j], y[j], z[j])
-                log_b[j] = np.log2(b) if b > 0 else DARK
+                log_b[j] = np.log(b) if b > 0 else DARK
         else:
             scale_coefficients(coefficients, coefficients)
             evaluate_all(coefficients, x, y, z, seen)
@@ -243,7 +243,7 @@ def diffuse_color(
     )
     rays = cone_directions(np.array([0, 0, 1.0]), cone).astype(np.float32)
     lit = _Lit(
-        np.log2(averaged, out=np.full_like(averaged, DARK), where=averaged > 0),
+        np.log(averaged, out=np.full_like(averaged, DARK), where=averaged > 0),
         plain.astype(np.float32), cone_visibility,
         rays[:, 2].copy(), np.hypot(rays[:, 0], rays[:, 1]), np.arctan2(rays[:, 1], rays[:, 0]),
         cone_weights(cone, cone_kernel).astype(np.float32),
