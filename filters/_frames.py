@@ -4,15 +4,23 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 
 from meshlab_svbrdf.document.document import Document
 from meshlab_svbrdf.document.project import RasterEntry
+from meshlab_svbrdf.document.space import free_bytes, in_words
+from meshlab_svbrdf.errors import SvbrdfError
 from meshlab_svbrdf.filter import Namespace
 from meshlab_svbrdf.geometry.camera import Camera
 from meshlab_svbrdf.geometry.mesh import Mesh
+from meshlab_svbrdf.geometry.texels import Texels
+from meshlab_svbrdf.planning.cost import store_bytes
+from meshlab_svbrdf.samples.capture import FrameSampler, Quality, reference_depth
 from meshlab_svbrdf.samples.choose_frames import choose_frames, run_order
+
+TRIED = 8  # frames whose texels are counted, to know what all will need
 
 
 @dataclass(frozen=True)
@@ -63,6 +71,41 @@ def choose(document: Document, parameters: Namespace, mesh: Mesh) -> Choice:
         said += ", spread evenly"
     said += f": {len(left_out)} are left out" if said else ""
     return Choice(rasters, sequences, order, left_out, said)
+
+
+def frame_sampler(
+    mesh: Mesh, texels: Texels, cameras: list[Camera], parameters: Namespace
+) -> FrameSampler:
+    """What projects the frames with these parameters."""
+    points = max(50, min(2000, 1_000_000 // len(cameras)))
+    some = mesh.vertices[:: max(1, len(mesh.vertices) // points)]
+    quality = Quality(
+        parameters.border, 0.05, parameters.occlusion, max(parameters.minimum_quality, 1 / 127)
+    )
+    return FrameSampler(mesh, texels, reference_depth(some, cameras), quality)
+
+
+def check_space(folder: Path, sampler: FrameSampler, cameras: list[Camera], memory: int) -> None:
+    """Refuse, before anything is written, what the disk of `folder` cannot hold.
+
+    memory : bytes of samples that are held before a chunk is written
+    """
+    texels, frames, free = len(sampler.texels), len(cameras), free_bytes(folder)
+    if store_bytes(texels * frames, texels, frames, memory) <= free:
+        return  # though every frame saw every texel
+    some = choose_frames(cameras, sampler.texels.center, sampler.texels.radius, TRIED)
+    seen = 0
+    for camera in [cameras[k] for k in some]:
+        blank = np.zeros((camera.height, camera.width, 3), np.uint8)
+        seen += len(sampler.sample(camera, blank)[0])
+    needed = store_bytes(seen / max(len(some), 1) * frames, texels, frames, memory)
+    if needed > free:
+        raise SvbrdfError(
+            f"the samples of {frames} frames at {texels:,} texels need about {in_words(needed)} on "
+            f"disk, and {in_words(free)} are free in {folder.parent}: use fewer frames "
+            "(--set compute_svbrdf_samples.frames=120), a smaller texture (--texture-size), or "
+            "another place (-o)"
+        )
 
 
 def median_step(cameras: list[Camera], sequences: list[str], center: np.ndarray) -> float:

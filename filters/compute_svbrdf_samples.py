@@ -10,12 +10,11 @@ from meshlab_svbrdf.document.images import frame_problem, read_frame, read_mask
 from meshlab_svbrdf.errors import DocumentError, SvbrdfError
 from meshlab_svbrdf.filter import Filter, Namespace, Parameter
 from meshlab_svbrdf.progress import Progress
-from meshlab_svbrdf.samples.capture import FrameSampler, Quality, reference_depth
 from meshlab_svbrdf.samples.gains import frame_gains, gain_spread
 from meshlab_svbrdf.samples.observations import observe
 from meshlab_svbrdf.samples.store import write_store
 
-from ._frames import choose, median_step
+from ._frames import check_space, choose, frame_sampler, median_step
 from ._stages import counted, share
 
 VARYING = 0.03  # robust spread of ln gain; a locked exposure leaves .003
@@ -95,12 +94,9 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
     # Project them
     texels = document.texels()
     cameras = [raster.camera for raster in rasters]
-    points = max(50, min(2000, 1_000_000 // len(cameras)))
-    some = mesh.vertices[:: max(1, len(mesh.vertices) // points)]
-    quality = Quality(
-        parameters.border, 0.05, parameters.occlusion, max(parameters.minimum_quality, 1 / 127)
-    )
-    sampler = FrameSampler(mesh, texels, reference_depth(some, cameras), quality)
+    sampler = frame_sampler(mesh, texels, cameras, parameters)
+    folder = document.staged_folder("samples")
+    check_space(folder, sampler, cameras, parameters.memory << 20)
 
     quality_sum = np.zeros(len(rasters))
 
@@ -116,7 +112,7 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
         return samples
 
     store = write_store(
-        document.staged_folder("samples"), len(texels), len(rasters), sample,
+        folder, len(texels), len(rasters), sample,
         memory=parameters.memory << 20, progress=counted(progress.part(0, 0.9), "frames"),
     )  # fmt: skip
     if len(store) == 0:

@@ -22,10 +22,12 @@ class Resolution:
 
     pixel : a pixel's size on the surface seen head-on, world units; of the nearest tenth of frames
     exact : side of the textures, in texels, at which a texel is as large as that
+    charts : the charts' area, in textures: texels = charts · side²
     """
 
     pixel: float
     exact: float
+    charts: float
 
     @property
     def side(self) -> int:
@@ -53,4 +55,4 @@ def resolution(mesh: Mesh, cameras: Sequence[Camera]) -> Resolution:
         a, b = mesh.uv[:, 1] - mesh.uv[:, 0], mesh.uv[:, 2] - mesh.uv[:, 0]
         areas = np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]) / 2
         charts = float(areas[np.isfinite(areas)].sum()) or FILLED
-    return Resolution(pixel, float(np.sqrt(surface / charts)) / pixel)
+    return Resolution(pixel, float(np.sqrt(surface / charts)) / pixel, charts)

@@ -92,6 +92,4 @@ def _sees(camera: Camera, center: np.ndarray, radius: float) -> bool:
     if z <= radius:
         return bool(np.linalg.norm(camera.center - center) <= radius)
     reach = max(camera.fx, camera.fy) * radius / z
-    return bool(
-        -reach <= x <= camera.width + reach and -reach <= y <= camera.height + reach
-    )
+    return bool(-reach <= x <= camera.width + reach and -reach <= y <= camera.height + reach)

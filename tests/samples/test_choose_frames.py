@@ -2,7 +2,6 @@
 
 import inspect
 
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -10,7 +9,6 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from meshlab_svbrdf.geometry.camera import Camera
-from meshlab_svbrdf.samples import choose_frames as module
 from meshlab_svbrdf.samples.choose_frames import choose_frames, run_order, view_places
 
 CENTER = np.array([3.0, -2.0, 5.0])
@@ -133,7 +131,8 @@ def test_the_same_views_appended_change_nothing(seed, limit):
 
 
 def test_frames_that_cannot_see_the_object_are_not_chosen():
-    away = [looking(CENTER + [0, 0, d], CENTER + [0, 0, 2 * d]) for d in (4.0, 8.0, 12.0)]
+    z = np.array([0.0, 0.0, 1.0])
+    away = [looking(CENTER + d * z, CENTER + 2 * d * z) for d in (4.0, 8.0, 12.0)]
     assert chosen(away + orbit(20), 5).min() >= 3
     assert len(chosen(away + orbit(2), 4)) == 2
     assert len(chosen(away, 2)) == 0
