@@ -139,6 +139,7 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
     dense[labels < 0] = -1
 
     ambient, sheen = None, None
+    notes: list[str] = []
     microfacets: list[Microfacets | None] = [None] * len(ids)
     if parameters.gloss == "none":
         why = "no highlights were looked for (gloss=none)"
@@ -146,13 +147,11 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
             Material(np.nan, np.nan, False, why, texels=int((dense == m).sum()))
             for m in range(len(ids))
         ]
-        notes = []
         if parameters.estimator == "joint" and parameters.sharp:
             observations = read_observations(document)
             diffuse = sharpen(texels, diffuse, *footprints(observations))
     elif parameters.estimator == "paper":
         materials = [_bell(document, dense == m, parameters) for m in range(len(ids))]
-        notes = []
     else:
         early = progress.part(0, 0.95)
         found = _joint(document, dense, ids, lights, diffuse, parameters, early)

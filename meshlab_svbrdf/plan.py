@@ -35,7 +35,14 @@ from .planning.cost import (
     this_machine,
 )  # fmt: skip
 from .planning.resolution import Resolution, resolution
-from .planning.trial import ENOUGH_TEXELS, RISING, Highlights, seek_highlights, surface_texels
+from .planning.trial import (
+    ENOUGH_TEXELS,
+    RISING,
+    Highlights,
+    Samples,
+    seek_highlights,
+    surface_texels,
+)
 from .presets import TEXTURE_SIZE, with_parameter
 from .samples.choose_frames import choose_frames
 from .script import Step
@@ -280,7 +287,10 @@ def try_frames(
     cameras = [raster.camera for raster in rasters]
     few = frame_sampler(mesh, surface_texels(mesh, TRIED_TEXELS), cameras, parameters)
     many = frame_sampler(mesh, surface_texels(mesh, TIMED_TEXELS), cameras, parameters)
-    samples, decode, base, whole = [], [], [], []
+    samples: list[Samples] = []
+    decode: list[float] = []
+    base: list[float] = []
+    whole: list[float] = []
     for k in choose_frames(cameras, mesh.center, mesh.radius, TRIED_FRAMES):
         raster, camera = rasters[k], cameras[k]
         size = (camera.width, camera.height)

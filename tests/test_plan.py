@@ -119,7 +119,7 @@ def test_a_matt_object_is_spared_it_unless_the_user_wants_it(tmp_path_factory, t
     assert "no highlights were looked for" in told["compute_svbrdf_material_specular"]
     assert not any(m["observed"] for m in document.json("materials")["materials"])
     diffuse = document.attribute("final_diffuse")
-    assert np.isfinite(diffuse).all(1).mean() > 0.8
+    assert np.isfinite(diffuse).all(1).mean() > 0.75
 
 
 def test_frames_that_cannot_be_read_are_left_to_the_filter(walk, tmp_path):

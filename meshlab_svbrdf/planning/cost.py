@@ -72,20 +72,22 @@ class Rate:
 
 UNFITTED = Rate(0.5, {"once": 0.5, "texels": 2.0, "samples": 0.05})
 """Of GLOSS where nothing is fitted."""
-PROGRAM_BYTES, TEXEL_BYTES, FITTED_BYTES = 300e6, 600.0, 60.0
-RESULT_BYTES, VERTEX_BYTES, MAP_BYTES = 250.0, 300.0, 5e6
+PROGRAM_BYTES, MATERIAL_BYTES, TEXEL_BYTES, FITTED_BYTES = 250e6, 1620.0, 400.0, 60.0
+"""Of memory: of the program; per texel, while materials grow and else; per fitted sample."""
+RESULT_BYTES, VERTEX_BYTES, MAP_BYTES = 165.0, 300.0, 5e6
+"""On disk: per texel, per vertex, and of the environment map."""
 
 RATES: dict[str, Rate] = {
-    "compute_svbrdf_texels": Rate(0.0, {"once": 0.2, "texels": 0.3}),
-    "compute_svbrdf_visibility": Rate(0.95, {"rays": 0.208}),
-    SAMPLES: Rate(0.9, {"once": 0.3, "samples": 0.12}),  # besides what is measured
+    "compute_svbrdf_texels": Rate(0.0, {"once": 0.09, "texels": 0.75}),
+    "compute_svbrdf_visibility": Rate(0.95, {"rays": 0.207}),
+    SAMPLES: Rate(0.9, {"frames": 0.006, "samples": 0.027}),  # besides what is measured
     "compute_svbrdf_luminance_threshold": Rate(0.95, {"samples": 0.018}),
-    "generate_svbrdf_environment_map": Rate(0.5, {"environment": 0.18, "samples": 0.006}),
-    "compute_svbrdf_diffuse_color": Rate(0.9, {"once": 0.64, "samples": 0.137}),
+    "generate_svbrdf_environment_map": Rate(0.5, {"environment": 0.173, "samples": 0.0075}),
+    "compute_svbrdf_diffuse_color": Rate(0.9, {"once": 0.62, "samples": 0.143}),
     "compute_svbrdf_light_sources": Rate(0.0, {"once": 0.08}),
-    "compute_svbrdf_texel_specular": Rate(0.9, {"once": 0.3, "samples": 0.073}),
+    "compute_svbrdf_texel_specular": Rate(0.9, {"once": 0.25, "samples": 0.083}),
     "compute_svbrdf_materials": Rate(0.0, {"texels": 4.0}),
-    GLOSS: Rate(0.7, {"once": 8.2, "texels": 17.2, "fitted": 1.05, "samples": 0.48}),
+    GLOSS: Rate(0.7, {"once": 9.2, "texels": 16.1, "fitted": 0.84, "samples": 0.5}),
 }
 """Least squares over runs of two films: `python benchmarks/fit_rates.py` (docs/plan.md)."""
 
@@ -121,14 +123,14 @@ def result_bytes(work: Work) -> float:
 
 
 def memory_bytes(work: Work, held: int) -> float:
-    """Resident memory at its peak: that of projecting, or of the fit.
+    """Resident memory at its peak: of projecting, of growing materials, or of the fit.
 
     held : bytes of samples that are held before a chunk is written
     """
-    held = min(held, HELD_BYTES * work.samples)
-    projecting = held * (1 + SAMPLE_BYTES / HELD_BYTES)
+    projecting = min(float(held), HELD_BYTES * work.samples) * (1 + SAMPLE_BYTES / HELD_BYTES)
     fitting = FITTED_BYTES * min(work.samples, work.fitted)
-    return PROGRAM_BYTES + TEXEL_BYTES * work.texels + max(projecting, fitting)
+    at_texels = TEXEL_BYTES * work.texels + max(projecting, fitting)
+    return PROGRAM_BYTES + max(at_texels, MATERIAL_BYTES * work.texels)
 
 
 def store_bytes(samples: float, texels: float, frames: int, memory: int) -> float:

@@ -52,7 +52,7 @@ class Highlights:
             self.judged >= ENOUGH_TEXELS
             and self.rising <= RISING * self.judged
             and self.unsteady <= UNSTEADY * self.judged
-            and self.lopsided <= LOPSIDED * self.judged
+            and abs(self.lopsided) <= LOPSIDED * self.judged
         )
 
 

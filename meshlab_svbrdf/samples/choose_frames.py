@@ -68,7 +68,8 @@ def run_order(places: Sequence[int]) -> np.ndarray:
     steps = np.diff(np.asarray(places, np.int64))
     if not len(steps):
         return np.zeros(len(places), np.int32)
-    gaps = 1 + (steps > 2 * max(float(np.median(steps)), 1.0))
+    usual = max(float(np.median(steps)), 1.0)
+    gaps = np.where(steps / usual > 2, 2, 1)
     return np.concatenate([[0], np.cumsum(gaps)]).astype(np.int32)
 
 

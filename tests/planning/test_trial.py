@@ -62,7 +62,9 @@ def test_a_faint_gloss_shows_by_its_side():
 def test_shadows_are_no_highlights():
     luminance = matt()
     luminance[5, : TEXELS // 2] *= 0.3
-    assert seek_highlights(frames(luminance), TEXELS).none
+    found = seek_highlights(frames(luminance), TEXELS)
+    assert found.rising == 0
+    assert found.lopsided < 0
 
 
 def test_a_clipped_sample_may_be_a_highlight():
