@@ -13,11 +13,13 @@ from meshlab_svbrdf.geometry.texels import Texels
 from meshlab_svbrdf.progress import Progress
 from meshlab_svbrdf.reflectance.density import highest_bell
 from meshlab_svbrdf.reflectance.estimate import Estimate, estimate
+from meshlab_svbrdf.reflectance.footprint import footprints
 from meshlab_svbrdf.reflectance.joint import Material
 from meshlab_svbrdf.reflectance.lamp_size import under_points
 from meshlab_svbrdf.reflectance.lights import Light
 from meshlab_svbrdf.reflectance.long_lamps import as_seen
 from meshlab_svbrdf.reflectance.microfacet import NAMES, Microfacets
+from meshlab_svbrdf.reflectance.sharpen import sharpen
 
 from ._lights import set_lights
 from ._maps import set_diffuse_maps, set_scalar_map
@@ -39,6 +41,11 @@ FILTER = Filter(
             "estimator", "enum", "joint", choices=("joint", "paper"),
             help='"joint" eliminates every texel\'s diffuse term and refines the lights; '
             '"paper" takes the highest mode of the texels\' ρs.',
+        ),
+        Parameter(
+            "gloss", "enum", "seek", choices=("seek", "none"),
+            help='"none": look for no highlights; every material is unobserved, and D is what it '
+            "was, but for the blur of the pixels.",
         ),
         Parameter(
             "rounds", "int", 10, minimum=3, maximum=50,
@@ -133,10 +140,19 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
     dense[labels < 0] = -1
 
     ambient, sheen = None, None
+    notes: list[str] = []
     microfacets: list[Microfacets | None] = [None] * len(ids)
-    if parameters.estimator == "paper":
+    if parameters.gloss == "none":
+        why = "no highlights were looked for (gloss=none)"
+        materials = [
+            Material(np.nan, np.nan, False, why, texels=int((dense == m).sum()))
+            for m in range(len(ids))
+        ]
+        if parameters.estimator == "joint" and parameters.sharp:
+            observations = read_observations(document)
+            diffuse = sharpen(texels, diffuse, *footprints(observations))
+    elif parameters.estimator == "paper":
         materials = [_bell(document, dense == m, parameters) for m in range(len(ids))]
-        notes = []
     else:
         early = progress.part(0, 0.95)
         found = _joint(document, dense, ids, lights, diffuse, parameters, early)
