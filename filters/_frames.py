@@ -10,14 +10,21 @@ import numpy as np
 
 from meshlab_svbrdf.document.document import Document
 from meshlab_svbrdf.document.project import RasterEntry
-from meshlab_svbrdf.document.space import free_bytes, in_words
+from meshlab_svbrdf.document.space import free_bytes, in_words, memory_bytes_free
 from meshlab_svbrdf.errors import SvbrdfError
 from meshlab_svbrdf.filter import Namespace
 from meshlab_svbrdf.geometry.camera import Camera
 from meshlab_svbrdf.geometry.mesh import Mesh
 from meshlab_svbrdf.geometry.texels import Texels
 from meshlab_svbrdf.planning.cost import store_bytes
-from meshlab_svbrdf.samples.capture import FrameSampler, Quality, reference_depth
+from meshlab_svbrdf.planning.resolution import resolution
+from meshlab_svbrdf.samples.capture import (
+    CLIPPED,
+    CLIPPED_MEAN,
+    FrameSampler,
+    Quality,
+    reference_depth,
+)
 from meshlab_svbrdf.samples.choose_frames import choose_frames, run_order
 
 TRIED = 8  # frames whose texels are counted, to know what all will need
@@ -73,24 +80,40 @@ def choose(document: Document, parameters: Namespace, mesh: Mesh) -> Choice:
     return Choice(rasters, sequences, order, left_out, said)
 
 
+def reduction(parameters: Namespace, mesh: Mesh, side: int, cameras: list[Camera]) -> int:
+    """By how much frames are reduced before they are sampled at textures of that side."""
+    if parameters.reduce != "auto":
+        return int(parameters.reduce)
+    return resolution(mesh, cameras).reduction(side)
+
+
 def frame_sampler(
-    mesh: Mesh, texels: Texels, cameras: list[Camera], parameters: Namespace
+    mesh: Mesh, texels: Texels, cameras: list[Camera], parameters: Namespace, reduce: int
 ) -> FrameSampler:
-    """What projects the frames with these parameters."""
+    """What projects the frames, reduced, with these parameters.
+
+    The depth from which on quality falls is taken in steps of a quarter octave: a few more frames
+    leave the samples of the others as they are.
+    """
     points = max(50, min(2000, 1_000_000 // len(cameras)))
     some = mesh.vertices[:: max(1, len(mesh.vertices) // points)]
     quality = Quality(
-        parameters.border, 0.05, parameters.occlusion, max(parameters.minimum_quality, 1 / 127)
-    )
-    return FrameSampler(mesh, texels, reference_depth(some, cameras), quality)
+        parameters.border, 0.05, parameters.occlusion, max(parameters.minimum_quality, 1 / 127),
+        CLIPPED if reduce == 1 else CLIPPED_MEAN,
+    )  # fmt: skip
+    depth = 2 ** (np.rint(4 * np.log2(reference_depth(some, cameras))) / 4)
+    return FrameSampler(mesh, texels, float(depth), quality)
 
 
-def check_space(folder: Path, sampler: FrameSampler, cameras: list[Camera], memory: int) -> None:
-    """Refuse, before anything is written, what the disk of `folder` cannot hold.
+def check_space(
+    folder: Path | None, sampler: FrameSampler, cameras: list[Camera], memory: int
+) -> None:
+    """Refuse, before anything is made, what the disk of `folder` (None: memory) cannot hold.
 
     memory : bytes of samples that are held before a chunk is written
     """
-    texels, frames, free = len(sampler.texels), len(cameras), free_bytes(folder)
+    texels, frames = len(sampler.texels), len(cameras)
+    free = memory_bytes_free() if folder is None else free_bytes(folder)
     if store_bytes(texels * frames, texels, frames, memory) <= free:
         return  # though every frame saw every texel
     some = choose_frames(cameras, sampler.texels.center, sampler.texels.radius, TRIED)
@@ -100,11 +123,19 @@ def check_space(folder: Path, sampler: FrameSampler, cameras: list[Camera], memo
         seen += len(sampler.sample(camera, blank)[0])
     needed = store_bytes(seen / max(len(some), 1) * frames, texels, frames, memory)
     if needed > free:
+        what = f"the samples of {frames} frames at {texels:,} texels need about {in_words(needed)}"
+        fewer = (
+            "use fewer frames (--set compute_svbrdf_samples.frames=120), a smaller texture "
+            "(--texture-size), or "
+        )
+        if folder is None:
+            raise SvbrdfError(
+                f"{what} of memory, and {in_words(free)} are free: {fewer}keep them on disk "
+                "(--set compute_svbrdf_samples.store=disk)"
+            )
         raise SvbrdfError(
-            f"the samples of {frames} frames at {texels:,} texels need about {in_words(needed)} on "
-            f"disk, and {in_words(free)} are free in {folder.parent}: use fewer frames "
-            "(--set compute_svbrdf_samples.frames=120), a smaller texture (--texture-size), or "
-            "another place (-o)"
+            f"{what} on disk, and {in_words(free)} are free in {folder.parent}: {fewer}another "
+            "place (-o)"
         )
 
 

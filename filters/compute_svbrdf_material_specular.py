@@ -9,7 +9,6 @@ import numpy as np
 from meshlab_svbrdf.document.document import Document
 from meshlab_svbrdf.filter import Filter, Namespace, Parameter
 from meshlab_svbrdf.geometry.surface_shape import steepest_turn, surface_shape
-from meshlab_svbrdf.geometry.texels import Texels
 from meshlab_svbrdf.progress import Progress
 from meshlab_svbrdf.reflectance.density import highest_bell
 from meshlab_svbrdf.reflectance.estimate import Estimate, estimate
@@ -205,7 +204,7 @@ def _joint(
     observations = replace(observations, shape=shape)
     turn = steepest_turn(shape) * texels.radius
     return estimate(
-        observations, labels, lights, diffuse, turn, _footprint(document, texels),
+        observations, labels, lights, diffuse, turn, observations.footprint,
         complete=parameters.complete,
         correct_normals=parameters.normals == "auto", rounds=parameters.rounds,
         samples=parameters.samples, near=parameters.near, long=parameters.long,
@@ -230,14 +229,6 @@ def _bell(document: Document, own: np.ndarray, parameters: Namespace) -> Materia
             texels=count,
         )
     return Material(bell.rho_s, bell.alpha, True, texels=count)
-
-
-def _footprint(document: Document, texels: Texels) -> float:
-    """A pixel's size on the object, in radii: the median over the frames."""
-    sizes = [
-        np.linalg.norm(r.camera.center - texels.center) / r.camera.fx for r in document.rasters
-    ]
-    return float(np.median(sizes)) / texels.radius
 
 
 def _entry(identity: int, material: Material, seen: np.ndarray, other: Microfacets | None) -> dict:

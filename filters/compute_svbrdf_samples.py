@@ -6,15 +6,14 @@ import numpy as np
 
 from meshlab_svbrdf.document.document import Document
 from meshlab_svbrdf.document.frames import Frames
-from meshlab_svbrdf.document.images import read_mask
 from meshlab_svbrdf.errors import DocumentError, SvbrdfError
 from meshlab_svbrdf.filter import Filter, Namespace, Parameter
 from meshlab_svbrdf.progress import Progress
 from meshlab_svbrdf.samples.gains import frame_gains, gain_spread
 from meshlab_svbrdf.samples.observations import observe
-from meshlab_svbrdf.samples.store import write_store
 
-from ._frames import check_space, choose, frame_sampler, median_step
+from ._frames import choose, median_step, reduction
+from ._samples import project_frames
 from ._stages import counted, share
 
 VARYING = 0.03  # robust spread of ln gain; a locked exposure leaves .003
@@ -25,6 +24,7 @@ FILTER = Filter(
     title="SVBRDF: samples",
     needs=("mesh", "rasters", "texels"),
     writes=("samples",),
+    version=2,
     parameters=(
         Parameter(
             "exposure", "enum", "auto", choices=("auto", "exif", "raster", "none"),
@@ -71,13 +71,24 @@ FILTER = Filter(
             help="How much deeper than the depth map a texel may lie and still count as seen.",
         ),
         Parameter(
-            "memory", "int", 256, minimum=16, maximum=65536, unit="MiB",
+            "reduce", "enum", "auto", choices=("auto", "1", "2", "4"),
+            help="Samples frames reduced to a half or a quarter of their width, of which JPEGs are "
+            'read faster: "auto" does so where texels are as coarse as that.',
+        ),
+        Parameter(
+            "store", "enum", "disk", choices=("disk", "memory"),
+            help='Where the samples go. "memory": nowhere; another run that needs them projects '
+            "the frames again.",
+        ),
+        Parameter(
+            "memory", "int", 128, minimum=16, maximum=65536, unit="MiB",
             help="Of samples held before a chunk is written.",
         ),
     ),
     help="Projects every frame to the texels: depth test, quality (distance to depth jumps, "
     "nearness, angle), colour interpolated in linear light. Frames are streamed, one after the "
-    "other; the samples go to the sample store, 5 bytes each.",
+    "other; the samples go to the sample store, 5 bytes each. Frames that an earlier run has "
+    "projected alike are not projected again.",
     reference="Palma et al. 2012, §4; Callieri et al. 2008",
 )  # fmt: skip
 
@@ -94,28 +105,15 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
     # Project them
     texels = document.texels()
     cameras = [raster.camera for raster in rasters]
-    sampler = frame_sampler(mesh, texels, cameras, parameters)
-    folder = document.staged_folder("samples")
-    check_space(folder, sampler, cameras, parameters.memory << 20)
-
-    quality_sum = np.zeros(len(rasters))
-
-    def sample(index: int):
-        raster = rasters[index]
-        size = (raster.camera.width, raster.camera.height)
-        image = frames.read(raster)
-        mask = (
-            None if raster.mask is None else read_mask(raster.mask, label=raster.label, size=size)
-        )
-        samples = sampler.sample(raster.camera, image, mask)
-        quality_sum[index] = (samples[2] & 127).sum() / 127
-        return samples
-
-    with Frames(rasters) as frames:
-        store = write_store(
-            folder, len(texels), len(rasters), sample,
-            memory=parameters.memory << 20, progress=counted(progress.part(0, 0.9), "frames"),
-        )  # fmt: skip
+    reduce = reduction(parameters, mesh, max(max(size) for size in texels.sizes), cameras)
+    in_memory = parameters.store == "memory"
+    store = project_frames(
+        document, mesh, texels, rasters, parameters, reduce,
+        None if in_memory else document.staged_folder("samples"),
+        counted(progress.part(0, 0.9), "frames"),
+    )  # fmt: skip
+    if in_memory:
+        document.hold("samples", store)
     if len(store) == 0:
         raise SvbrdfError(
             "no texel is seen in any frame: check that the rasters are aligned to this mesh "
@@ -144,6 +142,7 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
         "frames",
         {
             "exposure": source,
+            "reduce": reduce,
             "gains_fitted": use,
             "gain_spread": spread,
             "median_step_degrees": step,
@@ -152,7 +151,6 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
                 {
                     "label": raster.label, "sequence": raster.sequence, "gain": gain[k],
                     "samples": int(store.seen[k]), "residual": residual[k],
-                    "quality": quality_sum[k] / max(store.seen[k], 1),
                 }
                 for k, raster in enumerate(rasters)
             ]
@@ -165,6 +163,7 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
         f"{len(store):,} samples of {len(rasters)} frames{choice.said}",
         f"{share(counts > 0)} of the texels seen",
     ]
+    said += [f"frames reduced to 1/{reduce}: texels are coarser"] if reduce > 1 else []
     said += [f"exposure: {source}"] if source != "none" else []
     if spread > VARYING:
         said.append(

@@ -1,7 +1,8 @@
-"""How much a disk still holds."""
+"""How much disk and memory still hold."""
 
 from __future__ import annotations
 
+import os
 import shutil
 from pathlib import Path
 
@@ -11,6 +12,13 @@ def free_bytes(folder: Path) -> int:
     while not folder.exists():
         folder = folder.parent
     return shutil.disk_usage(folder).free
+
+
+def memory_bytes_free() -> float:
+    """What this machine's memory still holds; infinite where the system does not tell."""
+    if "SC_AVPHYS_PAGES" not in getattr(os, "sysconf_names", ()):
+        return float("inf")
+    return os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
 
 
 def in_words(size: float) -> str:

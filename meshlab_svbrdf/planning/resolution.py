@@ -12,6 +12,8 @@ from ..geometry.mesh import Mesh
 
 NEAREST = 0.1
 """The quantile of the frames whose pixels texels are measured by: close-ups show more."""
+ENOUGH = 0.9
+"""Pixels that a texel is wide, with which nothing is lost that texels hold."""
 FILLED = 0.6
 """The share of a texture that charts fill, where there are none yet."""
 
@@ -37,6 +39,10 @@ class Resolution:
     def pixels_per_texel(self, side: int) -> float:
         """How many pixels a texel is wide, at a texture of that side."""
         return self.exact / side
+
+    def reduction(self, side: int) -> int:
+        """By how much frames may be reduced, 1, 2 or 4, so that texels keep `ENOUGH` pixels."""
+        return next(k for k in (4, 2, 1) if k == 1 or self.pixels_per_texel(side) >= ENOUGH * k)
 
 
 def resolution(mesh: Mesh, cameras: Sequence[Camera]) -> Resolution:
