@@ -27,7 +27,7 @@ def work_of(document: Document) -> Work:
     used = {frame["label"] for frame in frames}
     trial = try_frames(
         document.mesh(), [r for r in document.rasters if r.label in used],
-        _given(runs, SAMPLES), len(texels),
+        _given(runs, SAMPLES), len(texels), document.json("frames")["reduce"],
     )  # fmt: skip
     assert trial is not None
     shot = document.array("visibility").shape[0]

@@ -9,6 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from meshlab_svbrdf.document.document import Document
+from meshlab_svbrdf.document.frames import Frames
+from meshlab_svbrdf.document.images import read_mask, reduced
 from meshlab_svbrdf.document.project import RasterEntry
 from meshlab_svbrdf.document.space import free_bytes, in_words, memory_bytes_free
 from meshlab_svbrdf.errors import SvbrdfError
@@ -85,6 +87,21 @@ def reduction(parameters: Namespace, mesh: Mesh, side: int, cameras: list[Camera
     if parameters.reduce != "auto":
         return int(parameters.reduce)
     return resolution(mesh, cameras).reduction(side)
+
+
+def read_reduced(
+    frames: Frames, raster: RasterEntry, reduce: int
+) -> tuple[np.ndarray, np.ndarray | None]:
+    """A frame and its mask (None where it has none), reduced; every pixel's whole area is masked.
+
+    Raises DocumentError where they cannot be read.
+    """
+    image = frames.read(raster, reduce)
+    if raster.mask is None:
+        return image, None
+    size = (raster.camera.width, raster.camera.height)
+    mask = read_mask(raster.mask, label=raster.label, size=size)
+    return image, reduced(255 * mask.astype(np.uint8), reduce) == 255
 
 
 def frame_sampler(

@@ -5,12 +5,9 @@ from __future__ import annotations
 import logging
 from pathlib import Path
 
-import numpy as np
-
 from meshlab_svbrdf import registry
 from meshlab_svbrdf.document.document import Document, raster_digest
 from meshlab_svbrdf.document.frames import Frames
-from meshlab_svbrdf.document.images import read_mask, reduced
 from meshlab_svbrdf.document.project import RasterEntry
 from meshlab_svbrdf.document.record import digest
 from meshlab_svbrdf.filter import Namespace
@@ -18,7 +15,7 @@ from meshlab_svbrdf.geometry.mesh import Mesh
 from meshlab_svbrdf.geometry.texels import Texels
 from meshlab_svbrdf.samples.store import SampleStore, write_store
 
-from ._frames import check_space, frame_sampler
+from ._frames import check_space, frame_sampler, read_reduced
 
 SAMPLES = "compute_svbrdf_samples"
 
@@ -39,13 +36,7 @@ def project_frames(
     check_space(folder, sampler, cameras, parameters.memory << 20)
 
     def sample(index: int):
-        raster, mask = rasters[index], None
-        image = frames.read(raster, reduce)
-        if raster.mask is not None:
-            size = (raster.camera.width, raster.camera.height)
-            mask = read_mask(raster.mask, label=raster.label, size=size)
-            if reduce > 1:
-                mask = reduced(255 * mask.astype(np.uint8), reduce) == 255
+        image, mask = read_reduced(frames, rasters[index], reduce)
         return sampler.sample(cameras[index], image, mask)
 
     basis = [document.key("texels"), *vars(sampler.quality).values(), sampler.reference_depth]

@@ -17,12 +17,12 @@ import numpy as np
 
 from . import registry
 from .document.document import Document
-from .document.images import read_frame, read_mask
+from .document.frames import Frames
 from .document.project import RasterEntry
 from .document.space import free_bytes, in_words
 from .errors import DocumentError, SvbrdfError
 from .filter import Namespace
-from .filters._frames import choose, frame_sampler
+from .filters._frames import choose, frame_sampler, read_reduced, reduction
 from .geometry.mesh import Mesh
 from .geometry.visibility import needs_visibility
 from .planning.cost import (
@@ -53,7 +53,6 @@ ENVIRONMENT = "generate_svbrdf_environment_map"
 PEAKS = "compute_svbrdf_texel_specular.peaks"
 GLOSS = "compute_svbrdf_material_specular.gloss"
 TRIED_FRAMES, TRIED_TEXELS, TIMED_TEXELS = 24, 4000, 65536
-REDUCED = 2.0  # pixels a texel from which frames might as well be decoded at half their size
 
 
 @dataclass(frozen=True)
@@ -163,7 +162,9 @@ def make_plan(document: Document, steps: list[Step], given: Mapping[str, Any]) -
     of_samples = _parameters(steps, SAMPLES)
     choice = choose(document, of_samples, mesh)
     used = len(choice.rasters)
-    trial = try_frames(mesh, choice.rasters, of_samples, texels)
+    cameras = [raster.camera for raster in choice.rasters]
+    reduce = reduction(of_samples, mesh, side, cameras)
+    trial = try_frames(mesh, choice.rasters, of_samples, texels, reduce)
     samples = round((trial.share if trial else 0.5) * texels * used)
 
     visible, shoots = _visibility(mesh, steps, given)
@@ -173,13 +174,8 @@ def make_plan(document: Document, steps: list[Step], given: Mapping[str, Any]) -
         visible,
         _environment(samples, int(_parameters(steps, ENVIRONMENT).samples), given),
         _highlights(trial, given),
+        _reduction(reduce, found.pixels_per_texel(side), given),
     ]
-    if found.pixels_per_texel(side) >= REDUCED:
-        decisions.append(Decision(
-            "advice", "smaller frames would do",
-            f"a texel is {found.pixels_per_texel(side):.1f} pixels wide: frames of half the width, "
-            "and cameras to match, are read in a third of the time",
-        ))  # fmt: skip
     for decision in decisions:
         for name, value in decision.sets.items():
             steps = with_parameter(steps, *name.rpartition(".")[::2], value)
@@ -221,6 +217,15 @@ def _texture(found: Resolution, planned: int, given: Mapping[str, Any]) -> Decis
         reason += f": {planned} would only cost time"
     sets = {} if asked or side == planned else {TEXTURE_SIZE: str(side)}
     return Decision("texture", f"{side}×{side}", reason, sets, asked)
+
+
+def _reduction(reduce: int, ratio: float, given: Mapping[str, Any]) -> Decision:
+    if reduce == 1:
+        choice, reason = "read whole", f"a texel is {ratio:.1f} of their pixels wide"
+    else:
+        choice = f"reduced to 1/{reduce}"
+        reason = f"a texel is then {ratio / reduce:.1f} pixels wide, and they are read faster"
+    return Decision("pixels", choice, reason, {}, f"{SAMPLES}.reduce" in given)
 
 
 def _frames(used: int, there: int, said: str, given: Mapping[str, Any]) -> Decision:
@@ -281,23 +286,22 @@ def _highlights(trial: Trial | None, given: Mapping[str, Any]) -> Decision:
 
 
 def try_frames(
-    mesh: Mesh, rasters: list[RasterEntry], parameters: Namespace, texels: int
+    mesh: Mesh, rasters: list[RasterEntry], parameters: Namespace, texels: int, reduce: int
 ) -> Trial | None:
-    """A few frames, evenly chosen, projected to a few points of the surface."""
-    cameras = [raster.camera for raster in rasters]
-    few = frame_sampler(mesh, surface_texels(mesh, TRIED_TEXELS), cameras, parameters)
-    many = frame_sampler(mesh, surface_texels(mesh, TIMED_TEXELS), cameras, parameters)
+    """A few frames, evenly chosen and reduced, projected to a few points of the surface."""
+    cameras = [raster.camera.reduced(reduce) for raster in rasters]
+    few = frame_sampler(mesh, surface_texels(mesh, TRIED_TEXELS), cameras, parameters, reduce)
+    many = frame_sampler(mesh, surface_texels(mesh, TIMED_TEXELS), cameras, parameters, reduce)
     samples: list[Samples] = []
     decode: list[float] = []
     base: list[float] = []
     whole: list[float] = []
     for k in choose_frames(cameras, mesh.center, mesh.radius, TRIED_FRAMES):
-        raster, camera = rasters[k], cameras[k]
-        size = (camera.width, camera.height)
+        camera = cameras[k]
         start = time.thread_time()
         try:
-            image = read_frame(raster.path, label=raster.label, size=size)
-            mask = None if raster.mask is None else read_mask(raster.mask, size=size)
+            with Frames([rasters[k]]) as frames:
+                image, mask = read_reduced(frames, rasters[k], reduce)
         except DocumentError:
             continue  # compute_svbrdf_samples says which, and what to do
         decode.append(time.thread_time() - start)

@@ -203,14 +203,14 @@ def _diffuse(block, view, threshold, minimum, lit, letter, method, out):
             median = np.median(ys)
             for j in range(n):
                 ws[j] = abs(ys[j] - median)
-            bound = np.float32(median + 1.5 * np.median(ws))
+            bound = float(median + 1.5 * np.median(ws))
         else:
-            bound = np.float32(np.quantile(ys, 0.25))
+            bound = float(np.quantile(ys, 0.25))
         # Average the colours below the bound (eq. 6)
-        bound += np.float32(1e-4)
-        out[t, 0] = _mean_below(ys, bound, quality, red)
-        out[t, 1] = _mean_below(ys, bound, quality, green)
-        out[t, 2] = _mean_below(ys, bound, quality, blue)
+        limit = np.float32(bound + 1e-4)
+        out[t, 0] = _mean_below(ys, limit, quality, red)
+        out[t, 1] = _mean_below(ys, limit, quality, green)
+        out[t, 2] = _mean_below(ys, limit, quality, blue)
 
 
 def diffuse_color(
