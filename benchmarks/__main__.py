@@ -5,6 +5,7 @@
     python -m benchmarks accuracy [--scene NAME …] [--peers]
     python -m benchmarks time | ablation | photographs
     python -m benchmarks photographs RESULT.mlp   of a run with --hold-out
+    python -m benchmarks performance              run time, and others at the same work
     python -m benchmarks --all --docs             everything, into the documentation
 
 Scenes are rendered once into the cache. Every row is kept in --out as soon as it is there; the same
@@ -24,7 +25,7 @@ from rich.console import Console
 from meshlab_svbrdf.document.document import Document
 from meshlab_svbrdf.errors import SvbrdfError
 
-from . import ablation, accuracy, photographs, timing
+from . import ablation, accuracy, performance, photographs, timing
 from .cases import LONG, PHOTOGRAPHS, Case, available, why_not
 from .documents import write_documents
 from .ledger import Ledger, Row, Task
@@ -33,7 +34,7 @@ from .scenes.make import cache_folder
 from .solve import warm_up
 
 SLOW = "mitsuba"  # this peer is compared over time, on one scene
-PARTS = {part.PART: part for part in (accuracy, timing, ablation, photographs)}
+PARTS = {part.PART: part for part in (accuracy, timing, ablation, photographs, performance)}
 
 
 def main() -> None:
@@ -87,6 +88,10 @@ def wanted(arguments: argparse.Namespace, ledger: Ledger) -> tuple[list[Task], l
         tasks += ablation.tasks(ledger, arguments.cache, size or 512, arguments.scene)
     if photographs.PART in parts:
         tasks += photographs.tasks(ledger, cases([PHOTOGRAPHS]), size)
+    if performance.PART in parts:
+        found, missing = performance.tasks(arguments.frames, size or 1024, arguments.cache)
+        tasks += found
+        notes.extend(missing)
     return tasks, list(dict.fromkeys(notes))
 
 
@@ -122,6 +127,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--peers", nargs="*", default=(), metavar="NAME",
                         help="compare with these methods too; without names, with all")  # fmt: skip
     parser.add_argument("--minutes", type=float, default=10, help="of Mitsuba's inverse rendering")
+    parser.add_argument("--frames", type=int, default=300, help="of the performance workload")
     parser.add_argument("--cache", type=Path, default=cache_folder(), help="of rendered scenes")
     parser.add_argument("--out", type=Path, default=Path("benchmark_results"))
     parser.add_argument("--json", type=Path, help="write all rows to one file")

@@ -6,12 +6,13 @@ from collections.abc import Mapping, Sequence
 
 from meshlab_svbrdf.presets import PRESETS
 
-from . import ablation, accuracy, photographs, timing
+from . import ablation, accuracy, performance, photographs, timing
 from .ledger import ROOT, Row
 from .plot import time_plot
 from .tables import Column, Table, splice, table
 
 PAGE, README = ROOT / "docs" / "accuracy.md", ROOT / "README.md"
+SPEED = ROOT / "docs" / "performance.md"
 PICTURE = ROOT / "docs" / "images" / "accuracy_time.png"
 PARTS = (accuracy, timing, ablation, photographs)
 SHORT = (
@@ -26,13 +27,19 @@ SHORT = (
 
 
 def write_documents(rows: Mapping[str, Sequence[Row]]) -> None:
-    """Fill the parts of docs/accuracy.md and README.md that `rows` has figures for."""
+    """Fill the parts of docs/accuracy.md, docs/performance.md and README.md that `rows` has
+    figures for."""
     splice(PAGE, "presets", presets_table())
     for part in PARTS:
         own = rows.get(part.PART)
         if own:
             tables = part.tables(own)
             splice(PAGE, part.PART, "\n\n".join(each.markdown() for each in tables))
+    if own := rows.get(performance.PART):
+        text = "\n\n".join(each.markdown() for each in performance.tables(own))
+        splice(SPEED, performance.PART, text)
+        if paper := performance.paper_table(own):
+            splice(README, performance.PART, paper.markdown())
     measured = timing.over_time(r for r in rows.get(timing.PART, ()) if "error" not in r)
     if measured:
         time_plot(measured, PICTURE)

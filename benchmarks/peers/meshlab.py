@@ -34,13 +34,13 @@ OCCLUSION = 0.02  # object radii, as compute_svbrdf_samples has it
 PROJECTION = """
 import json, pymeshlab, sys, time
 project, image, parameters = sys.argv[1], sys.argv[2], json.loads(sys.argv[3])
-started = time.perf_counter()
+started = time.perf_counter(), time.process_time()
 meshes = pymeshlab.MeshSet()
 meshes.load_project(project)
 meshes.compute_color_and_texture_from_active_rasters_projection(**parameters)
-seconds = time.perf_counter() - started
+ended = time.perf_counter(), time.process_time()
 meshes.current_mesh().textures()[parameters["textname"]].save(image)
-print(json.dumps(seconds))
+print(json.dumps({"seconds": ended[0] - started[0], "cpu_seconds": ended[1] - started[1]}))
 """
 
 
@@ -48,18 +48,39 @@ def run(capture: Capture, truth: Path, folder: Path) -> Scores:
     """Seconds: loading the project and projecting; writing the PNGs is not counted."""
     masked = any(raster.mask for raster in capture.rasters)
     project = _write_project(capture, folder / "input", masked)
-    parameters = {
-        "textname": "projected.png", "texsize": capture.size, "dorefill": False,
-        "deptheta": OCCLUSION * capture.mesh.radius, "useangle": True, "usedistance": True,
-        "useborders": True, "usesilhouettes": True, "usealpha": masked,
-    }  # fmt: skip
     image = folder / "projected.png"
-    seconds = _project(project, image, parameters)
+    cost = project_frames(project, image, capture.size, capture.mesh.radius, masked)
     shutil.rmtree(project.parent)
     rgba = read_image(image)
     diffuse = np.where(rgba[..., 3:] > 0, decode(rgba[..., :3] / 255), np.nan)
     write_maps(folder, diffuse.astype(np.float32))
-    return {"seconds": seconds}
+    return {"seconds": cost["seconds"]}
+
+
+def project_frames(
+    project: Path, image: Path, size: int, radius: float, masked: bool = False
+) -> Scores:
+    """Project a project's frames onto a texture image; wall clock and CPU seconds, files read too.
+
+    size : of the texture; radius : of the object; masked : whether frames have an alpha channel
+    """
+    parameters = {
+        "textname": "projected.png", "texsize": size, "dorefill": False,
+        "deptheta": OCCLUSION * radius, "useangle": True, "usedistance": True,
+        "useborders": True, "usesilhouettes": True, "usealpha": masked,
+    }  # fmt: skip
+    return _project(project, image, parameters)
+
+
+def why_not() -> str:
+    """What this peer lacks on this machine, or \"\"."""
+    if sys.platform != "linux":
+        return ""
+    if find_spec("PyQt5") is None:
+        return "needs Qt's plugins: pip install 'meshlab-svbrdf[benchmark]'"
+    if "DISPLAY" not in os.environ and shutil.which("xvfb-run") is None:
+        return "needs a display: install xvfb"
+    return ""
 
 
 def _write_project(capture: Capture, folder: Path, masked: bool) -> Path:
@@ -84,7 +105,7 @@ def _write_project(capture: Capture, folder: Path, masked: bool) -> Path:
     return folder / "project.mlp"
 
 
-def _project(project: Path, image: Path, parameters: dict) -> float:
+def _project(project: Path, image: Path, parameters: dict) -> Scores:
     environment = dict(os.environ)
     command = [sys.executable, "-c", PROJECTION, str(project), str(image), json.dumps(parameters)]
     if sys.platform == "linux":
@@ -98,7 +119,7 @@ def _project(project: Path, image: Path, parameters: dict) -> float:
         raise SvbrdfError(
             f"MeshLab's projection ended with {done.returncode}: {done.stderr.strip()[-500:]}"
         )
-    return float(json.loads(done.stdout.strip().splitlines()[-1]))
+    return json.loads(done.stdout.strip().splitlines()[-1])
 
 
 def _qt_plugins() -> Path:

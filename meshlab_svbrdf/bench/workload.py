@@ -23,6 +23,7 @@ from ..document.mesh_files import write_ply
 from ..document.project import new_project, write_project
 from ..errors import SvbrdfError
 from ..geometry.camera import Camera
+from ..geometry.raster import rasterise
 from ..geometry.texels import Texels, rasterise_texels
 from ..threads import thread_count
 from .scene import AMBIENT, LAMPS, MATERIALS, BenchScene
@@ -92,6 +93,12 @@ class Workload:
 
     def texels(self, size: int) -> Texels:
         return rasterise_texels(self.scene.mesh, ((size, size),))
+
+    def covers(self, camera: Camera) -> np.ndarray:
+        """Which pixels show the object, (H, W) bool, its outline left out."""
+        mesh = self.scene.mesh
+        _, face_index = rasterise(mesh.vertices, mesh.faces, camera)
+        return cv2.erode((face_index >= 0).astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
 
     def views(self) -> Path:
         """A project of views that no frame has, rendered without noise."""

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from ..geometry.harmonics import evaluate
+from ..geometry.harmonics import evaluate_all, scale_coefficients
 from ..samples.observations import (
     VISIBLE,
     Observations,
@@ -15,25 +15,25 @@ from ..samples.observations import (
     fill_visibility,
     longest_history,
     mirrors,
-    sample_luminance,
+    relative_luminance,
     sample_quality,
     visibility,
 )
 from .directions import look_up, octahedral_cell, octahedral_directions
-from .power import exp2
+from .power import FAST, exp
 from .threshold import LuminanceStatistics
 
 _CELLS = 512  # of the octahedral map along a side: .35° a cell, against a cone of 5°
 _STATISTICAL, _TRIMMED, _QUANTILE = range(3)
 METHODS = ("statistical", "trimmed", "quantile")
 DARK = np.float32(-1e6)
-"""log₂ b where no light comes from."""
+"""ln b where no light comes from."""
 
 
 class _Lit(NamedTuple):
     """Where light comes from, as the kernel looks it up.
 
-    averaged : (C, C) float32, log₂ of eq. 4 without visibility, or `DARK`
+    averaged : (C, C) float32, ln of eq. 4 without visibility, or `DARK`
     plain : (C, C) float32, the map; per_direction : eq. 4 to the letter, in `plain`
     cosines, sines, phis, weights : (16,) float32, the cone's directions and g
     """
@@ -92,14 +92,14 @@ def cone_average(probability: np.ndarray, cone: float, kernel: str = "angle") ->
 def specular_weight(y, log_b, threshold, minimum):
     """Eq. 3 and 5, guarded: s = b^(w²) / w in [0, 1], w = (t − min) / (Y − min) in [¼, 4]; float32.
 
-    log_b : log₂ b, `DARK` where no light comes from
+    log_b : ln b, `DARK` where no light comes from
     """
     zero, one = np.float32(0), np.float32(1)
     w = np.float32((threshold - minimum) / (y - minimum))
     w = w if threshold - minimum >= 1e-6 else one
     w = min(max(w, np.float32(0.25)), np.float32(4))
     exponent = np.float32(w * w * log_b)
-    s = min(exp2(max(exponent, np.float32(-126))) / w, one)
+    s = min(exp(exponent) / w, one)
     return s if (y > minimum) & (exponent > DARK / 16) else zero
 
 
@@ -142,10 +142,10 @@ def _specular_weights(block, view, i, threshold, minimum, ys, lit, letter, rows,
         if lit.per_direction:
             for j in range(n):
                 b = _cone_with_visibility(lit, coefficients, x[j], y[j], z[j])
-                log_b[j] = np.log2(b) if b > 0 else DARK
+                log_b[j] = np.log(b) if b > 0 else DARK
         else:
-            for j in range(n):
-                seen[j] = evaluate(coefficients, x[j], y[j], z[j])
+            scale_coefficients(coefficients, coefficients)
+            evaluate_all(coefficients, x, y, z, seen)
             for j in range(n):
                 log_b[j] = log_b[j] if seen[j] > VISIBLE else DARK
     for j in range(n):
@@ -153,48 +153,64 @@ def _specular_weights(block, view, i, threshold, minimum, ys, lit, letter, rows,
         ws[j] = s if letter else one - s
 
 
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+def _weighted_bound(ys, ws, otherwise):
+    """Weighted mean and deviation, added; `otherwise` where nothing has weight."""
+    total, weight, deviation = 0.0, 0.0, 0.0
+    for j in range(len(ys)):
+        total += ws[j] * ys[j]
+        weight += ws[j]
+    if not weight > 0:
+        return otherwise
+    mu = np.float32(total / weight)
+    for j in range(len(ys)):
+        deviation += ws[j] * abs(ys[j] - mu)
+    return np.float32(mu + deviation / weight)
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+def _mean_below(ys, bound, quality, values):
+    """Mean of the values, weighted by quality, where Y is no more than the bound; NaN for none."""
+    total, weight = 0.0, 0.0
+    for j in range(len(ys)):
+        q = quality[j] if ys[j] <= bound else np.float32(0)
+        total += q * values[j]
+        weight += q
+    return total / weight if weight > 0 else np.nan
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
 def _diffuse(block, view, threshold, minimum, lit, letter, method, out):
     longest = longest_history(block)
-    ys, ws = np.empty(longest, np.float32), np.empty(longest, np.float32)
-    rows = np.empty((5, longest), np.float32)
+    buffer, rows = np.empty((6, longest), np.float32), np.empty((5, longest), np.float32)
     for i in range(block.stop - block.first):
         t, first = block.first + i, block.offsets[i]
         n = block.offsets[i + 1] - first
         if not threshold[t] >= 0:
             continue
+        red, green, blue, quality = buffer[0, :n], buffer[1, :n], buffer[2, :n], buffer[3, :n]
+        ys, ws = buffer[4, :n], buffer[5, :n]
         for j in range(n):
-            ys[j] = sample_luminance(block, view, first + j)
+            red[j], green[j], blue[j] = color(block, view, first + j)
+            quality[j] = sample_quality(block, first + j)
+        for j in range(n):
+            ys[j] = relative_luminance(red[j], green[j], blue[j])
+        # Bound the diffuse samples
         if method == _STATISTICAL:
-            # Bound the diffuse samples by the weighted mean and deviation
             _specular_weights(block, view, i, threshold[t], minimum[t], ys, lit, letter, rows, ws)
-            total, weight = 0.0, 0.0
-            for j in range(n):
-                total, weight = total + ws[j] * ys[j], weight + ws[j]
-            if weight > 0:
-                mu, deviation = total / weight, 0.0
-                for j in range(n):
-                    deviation += ws[j] * abs(ys[j] - mu)
-                bound = mu + deviation / weight
-            else:
-                bound = np.float64(threshold[t])
+            bound = _weighted_bound(ys, ws, threshold[t])
         elif method == _TRIMMED:
-            median = np.median(ys[:n])
+            median = np.median(ys)
             for j in range(n):
                 ws[j] = abs(ys[j] - median)
-            bound = np.float64(median + 1.5 * np.median(ws[:n]))
+            bound = np.float32(median + 1.5 * np.median(ws))
         else:
-            bound = np.float64(np.quantile(ys[:n], 0.25))
+            bound = np.float32(np.quantile(ys, 0.25))
         # Average the colours below the bound (eq. 6)
-        limit = np.float32(bound + 1e-4)
-        red, green, blue, weight = 0.0, 0.0, 0.0, 0.0
-        for j in range(n):
-            if ys[j] <= limit:
-                q = sample_quality(block, first + j)
-                r, g, b = color(block, view, first + j)
-                red, green, blue, weight = red + q * r, green + q * g, blue + q * b, weight + q
-        if weight > 0:
-            out[t, 0], out[t, 1], out[t, 2] = red / weight, green / weight, blue / weight
+        bound += np.float32(1e-4)
+        out[t, 0] = _mean_below(ys, bound, quality, red)
+        out[t, 1] = _mean_below(ys, bound, quality, green)
+        out[t, 2] = _mean_below(ys, bound, quality, blue)
 
 
 def diffuse_color(
@@ -227,7 +243,7 @@ def diffuse_color(
     )
     rays = cone_directions(np.array([0, 0, 1.0]), cone).astype(np.float32)
     lit = _Lit(
-        np.log2(averaged, out=np.full_like(averaged, DARK), where=averaged > 0),
+        np.log(averaged, out=np.full_like(averaged, DARK), where=averaged > 0),
         plain.astype(np.float32), cone_visibility,
         rays[:, 2].copy(), np.hypot(rays[:, 0], rays[:, 1]), np.arctan2(rays[:, 1], rays[:, 0]),
         cone_weights(cone, cone_kernel).astype(np.float32),

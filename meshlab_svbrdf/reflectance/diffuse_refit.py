@@ -6,11 +6,12 @@ import numpy as np
 from numba import njit
 
 from ..samples.observations import Observations, color, mirrors, sample_quality
-from .fit_samples import is_clipped
+from .fit_samples import is_clipped, longest
 from .lights import Light
+from .lobes import add_sharp
 from .microfacet import PHONG, Gloss, specular
 from .phong import cast_shadows, lamps, light_texel
-from .power import FAST, lobes
+from .power import FAST
 
 LEAST_SCALE = 0.3
 """Of the residuals, 0..100: the noise of eight bits."""
@@ -48,10 +49,8 @@ def _refit(block, view, material, gloss, tint, bulbs, diffuse):
     coefficients = np.empty(36, np.float32)
     count = len(bulbs.gain)
     rays, gains = np.empty((count, 3), np.float32), np.empty(count, np.float32)
-    longest = 0
-    for i in range(block.stop - block.first):
-        longest = max(longest, block.offsets[i + 1] - block.offsets[i])
-    x, y, z, red, green, blue, shine, e, w, quality, bound = np.empty((11, longest), np.float32)
+    most = longest(block.offsets, 0, block.stop - block.first)
+    x, y, z, red, green, blue, shine, e, w, quality, bound = np.empty((11, most), np.float32)
     for i in range(block.stop - block.first):
         t, first = block.first + i, block.offsets[i]
         n = block.offsets[i + 1] - first
@@ -65,7 +64,8 @@ def _refit(block, view, material, gloss, tint, bulbs, diffuse):
             bound[j] = 0.0 if is_clipped(block, view, first + j) else -np.inf
         mirrors(view, t, block.frame[first : first + n], x, y, z)
         if gloss.kind[m] == PHONG:
-            lobes(x[:n], y[:n], z[:n], rays, gains, gloss.shape[m], shine)
+            shine[:n] = 0.0
+            add_sharp(x[:n], y[:n], z[:n], rays, gains, gloss.shape[m], shine)
             for j in range(n):
                 shine[j] *= np.float32(gloss.facing[m])
         else:

@@ -18,7 +18,7 @@ from ..samples.observations import (
     sample_luminance,
     sample_quality,
 )
-from .fit_samples import is_clipped
+from .fit_samples import is_clipped, longest
 from .lights import Light
 from .phong import cast_shadows, lamps, light_texel
 from .pixel_blur import along_and_across, blurred_lobe, pixel_blur
@@ -133,11 +133,9 @@ def _refine(
     count = len(bulbs.gain)
     rays, gains = np.empty((count, 3), np.float32), np.empty(count, np.float32)
     coefficients = np.empty(36, np.float32)
-    longest = 0
-    for i in range(block.stop - block.first):
-        longest = max(longest, block.offsets[i + 1] - block.offsets[i])
-    e, s, w, test = np.empty(longest), np.empty(longest), np.empty(longest), np.empty(longest)
-    slope, mean = np.empty((longest, 3)), np.empty(2)
+    most = longest(block.offsets, 0, block.stop - block.first)
+    e, s, w, test = np.empty(most), np.empty(most), np.empty(most), np.empty(most)
+    slope, mean = np.empty((most, 3)), np.empty(2)
     normal, start = np.empty(3), np.empty(3)
     u, v = np.empty(3), np.empty(3)
     for i in range(block.stop - block.first):

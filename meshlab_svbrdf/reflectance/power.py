@@ -1,4 +1,4 @@
-"""cos^α in single precision, without branches: compilers make vector instructions of it."""
+"""Powers in single precision, without branches: compilers make vector instructions of them."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ import numpy as np
 from numba import njit
 
 FAST = {"nsz", "arcp", "contract", "reassoc"}
-"""Sums may be taken in lanes; not a number stays not a number."""
+"""Sums may be taken in lanes; what is not a number stays so."""
 _ROOT_HALF = np.int32(0x3F3504F3)
-_LOG = np.array(
+_LN = np.array(
     [7.0376836292e-2, -1.1514610310e-1, 1.1676998740e-1, -1.2420140846e-1, 1.4249322787e-1,
      -1.6668057665e-1, 2.0000714765e-1, -2.4999993993e-1, 3.3333331174e-1],
     np.float32,
@@ -21,38 +21,25 @@ _EXP2 = np.array(
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)
-def exp2(x):
-    """2^x for −126 ≤ x ≤ 127, float32, to 1e-6 of itself (Cephes)."""
+def ln(x):
+    """Natural logarithm of x > 0, float32, to 2e-7 of itself (Cephes' polynomial)."""
+    # Part the number into 2^e (1 + f), √½ ≤ 1 + f < √2
+    bits = np.float32(x).view(np.int32)
+    e = (bits - _ROOT_HALF) >> np.int32(23)
+    f = np.int32(bits - (e << np.int32(23))).view(np.float32) - np.float32(1)
+    p = np.float32(0)
+    for k in range(9):
+        p = p * f + _LN[k]
+    return f + f * f * (f * p - np.float32(0.5)) + np.float32(e) * np.float32(0.6931471806)
+
+
+@njit(cache=True, nogil=True, fastmath=FAST)
+def exp(x):
+    """e^x, float32, to 1e-7 (1 + |x|) of itself (Cephes' polynomial); never less than 1e-38."""
+    x = max(np.float32(x) * np.float32(1.4426950409), np.float32(-126))
     whole = np.floor(x + np.float32(0.5))
     rest, p = x - whole, np.float32(0)
     for k in range(6):
         p = p * rest + _EXP2[k]
     scale = np.int32((np.int32(whole) + np.int32(127)) << np.int32(23)).view(np.float32)
     return (p * rest + np.float32(1)) * scale
-
-
-@njit(cache=True, nogil=True, fastmath=FAST)
-def power(cos, alpha):
-    """cos^α for 0 < cos ≤ 1, float32, to 1e-5 of itself (Cephes); 1e-38 is least."""
-    # Part the number into 2^e m, √½ ≤ m < √2
-    bits = np.float32(cos).view(np.int32)
-    e = (bits - _ROOT_HALF) >> np.int32(23)
-    f = np.int32(bits - (e << np.int32(23))).view(np.float32) - np.float32(1)
-    p = np.float32(0)
-    for k in range(9):
-        p = p * f + _LOG[k]
-    ln = f + f * f * (f * p - np.float32(0.5))
-    x = max(np.float32(alpha) * (ln * np.float32(1.4426950409) + np.float32(e)), np.float32(-126))
-    return exp2(x)
-
-
-@njit(cache=True, nogil=True, fastmath=FAST)
-def lobes(x, y, z, rays, gains, alpha, out):
-    """φ = Σ_k g_k (l_k·r)₊^α of one texel's mirror directions x, y, z (n,), to out (n,) float32."""
-    out[: len(x)] = 0.0
-    for k in range(len(gains)):
-        if gains[k] > 0:
-            a, b, c, gain = rays[k, 0], rays[k, 1], rays[k, 2], gains[k]
-            for j in range(len(x)):
-                cos = a * x[j] + b * y[j] + c * z[j]
-                out[j] += gain * power(max(cos, np.float32(1e-9)), alpha)

@@ -39,7 +39,7 @@ def _coarse_cones(monkeypatch):
 
 
 def weight(y, b, t, low):
-    return float(specular_weight(y, np.log2(b) if b > 0 else DARK + 0 * b, t, low))
+    return float(specular_weight(y, np.log(b) if b > 0 else DARK + 0 * b, t, low))
 
 
 def test_weight_is_the_equation():

@@ -1,0 +1,173 @@
+"""One measurement in a process of its own: `python -m meshlab_svbrdf.bench.child REQUEST ANSWER`.
+
+A process of its own starts with fresh memory, so that its peak is the run's, and keeps to the cores
+that it was given. Both files are JSON; the request names one of TASKS and its arguments.
+"""
+
+from __future__ import annotations
+
+import json
+import resource
+import shutil
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+from ..document.document import Document
+from ..document.images import read_frame
+from ..presets import chain
+from ..script import run_script
+from ..threads import thread_count
+from .workload import Options, make_workload
+
+Figures = dict[str, Any]
+WARM = Options(triangles=1200, width=320, height=180, step=7.5, truth=16)
+WARM_FRAMES = 48
+SAVE = "save"  # the last stage: the project with its layers
+
+
+def run_chain(
+    project: str, output: str, estimator: str, preset: str, settings: dict[str, str]
+) -> Figures:
+    """Run the chain with warm kernels; decode the frames before it and after it."""
+    warm = warm_up(estimator)["seconds"]
+    document = Document.open(project, output)
+    decode = [decode_frames(document)]
+    peak_before = peak_memory()
+    stages = []
+    for name, meter in _stages(document, estimator, preset, settings):
+        stages.append({"name": name} | meter)
+        print(f"{name:36} {meter['seconds']:7.1f} s  {meter['said']}", file=sys.stderr, flush=True)
+    decode.append(decode_frames(document))
+    return {
+        "preset": preset,
+        "estimator": estimator,
+        "threads": thread_count(),
+        "warm_seconds": warm,
+        "peak_before": peak_before,
+        "peak": max(stage["peak"] for stage in stages),
+        "decode": _mean(decode),
+        "decodes": decode,
+        "stages": stages,
+    } | sizes_of(document)
+
+
+def _stages(
+    document: Document, estimator: str, preset: str, settings: dict[str, str]
+) -> Iterator[tuple[str, Figures]]:
+    outcomes = run_script(document, chain(estimator, preset, settings))
+    while True:
+        with metered() as figures:
+            outcome = next(outcomes, None)
+        if outcome is None:
+            break
+        yield outcome.name, figures | {"said": outcome.message}
+    with metered() as figures:
+        document.save()
+    yield SAVE, figures | {"said": "the project with its layers"}
+
+
+def sizes_of(document: Document) -> Figures:
+    """How much there was to do, and what of it lies on the disk."""
+    mesh, frames = document.mesh(), document.json("frames")["frames"]
+    used = [frame["samples"] for frame in frames if "samples" in frame]
+    store = [path.stat().st_size for path in (document.folder / "samples").rglob("*")]
+    materials = document.json("materials")["materials"] if document.has_json("materials") else []
+    return {
+        "frames": len(document.rasters),
+        "frames_used": len(used),
+        "triangles": len(mesh.faces),
+        "vertices": len(mesh.vertices),
+        "texels": len(document.texels()),
+        "samples": sum(used),
+        "store_bytes": sum(store),
+        "clusters": len(materials),
+    }
+
+
+def decode_frames(document: Document) -> Figures:
+    """Only decode every frame of the project, on all cores: the floor of any run."""
+    rasters = document.rasters
+
+    def decode(index: int) -> None:
+        camera = rasters[index].camera
+        read_frame(rasters[index].path, size=(camera.width, camera.height))
+
+    with metered() as figures, ThreadPoolExecutor(thread_count()) as pool:
+        for _ in pool.map(decode, range(len(rasters))):
+            pass
+    return figures | {"frames": len(rasters)}
+
+
+def warm_up(estimator: str = "joint") -> Figures:
+    """Load every kernel from its cache, or compile it, by a run on next to nothing."""
+    folder = Path(tempfile.mkdtemp(prefix="svbrdf-warm-"))
+    try:
+        with metered() as figures:
+            project = make_workload(folder, WARM_FRAMES, WARM).project
+            document = Document.open(project, folder / "out")
+            small = {"compute_svbrdf_texels.texture_size": "128"}
+            for _ in run_script(document, chain(estimator, "full", small)):
+                pass
+            document.save()
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+    return figures
+
+
+@contextmanager
+def metered() -> Iterator[Figures]:
+    """Wall clock and CPU seconds of what is inside, and the process's peak memory in bytes."""
+    figures: Figures = {}
+    _forget_peak()
+    wall, cpu = time.perf_counter(), time.process_time()
+    yield figures
+    figures["seconds"] = time.perf_counter() - wall
+    figures["cpu_seconds"] = time.process_time() - cpu
+    figures["peak"] = peak_memory()
+
+
+def peak_memory() -> int:
+    """Bytes resident at most: since `_forget_peak` where the system tells (Linux), else ever."""
+    try:
+        for line in Path("/proc/self/status").read_text().splitlines():
+            if line.startswith("VmHWM:"):
+                return int(line.split()[1]) << 10
+    except OSError:
+        pass
+    unit = 1 if sys.platform == "darwin" else 1 << 10
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit
+
+
+def _forget_peak() -> None:
+    with suppress(OSError):
+        Path("/proc/self/clear_refs").write_text("5")
+
+
+def _mean(figures: list[Figures]) -> Figures:
+    return {key: sum(each[key] for each in figures) / len(figures) for key in figures[0]}
+
+
+def run_decode(project: str) -> Figures:
+    """Only decode every frame of a project."""
+    return decode_frames(Document.open(project)) | {"threads": thread_count()}
+
+
+TASKS: dict[str, Callable[..., Figures]] = {
+    "chain": run_chain, "decode": run_decode, "warm": warm_up,
+}  # fmt: skip
+
+
+def main() -> None:
+    request, answer = (Path(argument) for argument in sys.argv[1:])
+    asked = json.loads(request.read_text())
+    answer.write_text(json.dumps(TASKS[asked["task"]](**asked["arguments"])))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,79 @@
+"""The performance part: what it declares, its peers' work in small, its tables."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from benchmarks import documents, performance
+from benchmarks.peers import meshlab, open3d, speed
+from benchmarks.tables import splice
+from meshlab_svbrdf.bench.body import body
+from meshlab_svbrdf.bench.workload import Options, make_workload
+from meshlab_svbrdf.geometry.visibility import vertex_visibility
+
+TINY = Options(triangles=500, width=160, height=90, step=15.0, truth=64)
+COST = {"seconds": 2.0, "cpu_seconds": 3.0, "peak": 1 << 20}
+
+
+def test_what_is_lacking_is_said_and_left_out(tmp_path, monkeypatch):
+    monkeypatch.setitem(performance.LACKING, "MeshLab", lambda: "needs a display")
+    monkeypatch.setitem(performance.LACKING, "Open3D", lambda: "")
+    tasks, notes = performance.tasks(12, 64, tmp_path, TINY)
+    assert notes == ["MeshLab: left out, needs a display"]
+    named = [(task.scene, task.name) for task in tasks]
+    assert named == [
+        ("workload", "12 frames"), ("projection", "ours"), ("projection", "Open3D"),
+        ("visibility", "embreex"),
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("name", performance.PROJECTIONS)
+def test_every_projection_is_timed(tmp_path, name):
+    reason = performance.LACKING[name]() if name in performance.LACKING else ""
+    if reason:
+        pytest.skip(reason)
+    workload = make_workload(tmp_path, 4, TINY)
+    cost = performance.PROJECTIONS[name](workload, 64, tmp_path / "out")
+    assert cost["seconds"] > 0
+    assert cost["cpu_seconds"] > 0
+
+
+def test_plain_visibility_is_ours():
+    mesh = body(1500)
+    ours, plain = vertex_visibility(mesh, 128), speed.plain_visibility(mesh, 128)
+    assert speed.disagreement(mesh, ours, plain) < 0.005
+    np.testing.assert_allclose(speed.disagreement(mesh, ours, -ours), 1, atol=0.1)
+
+
+def test_tables_compare_with_ours():
+    rows = [
+        {"scene": "projection", "name": "ours", "frames": 10, "texture": 64} | COST,
+        {"scene": "projection", "name": "Open3D", "frames": 10, "texture": 64, "seconds": 40.0,
+         "cpu_seconds": 30.0},
+        {"scene": "projection", "name": "MeshLab", "error": "why"},
+        {"scene": "visibility", "name": "embreex", "vertices": 100, "ours": COST, "embreex": COST,
+         "disagreement": 0.001},
+    ]  # fmt: skip
+    projected, seen = performance.tables(rows)
+    assert projected.cells == [
+        ["ours", "200", "300", "1.0", "1.0"], ["Open3D", "4000", "3000", "20.0", "10.0"],
+    ]  # fmt: skip
+    assert "0.10 %" in seen.notes[0]
+    assert performance.paper_table(rows) is None
+
+
+def test_the_documentation_has_a_place_for_it(tmp_path):
+    for path in (documents.SPEED, documents.README):
+        copy = tmp_path / path.name
+        copy.write_bytes(path.read_bytes())
+        splice(copy, performance.PART, "table")
+        assert "table\n<!-- end -->" in copy.read_text()
+
+
+def test_peers_say_what_they_lack(monkeypatch):
+    monkeypatch.setattr(meshlab, "find_spec", lambda name: None)
+    monkeypatch.setattr("sys.platform", "linux")
+    assert "Qt" in meshlab.why_not()
+    monkeypatch.setitem(__import__("sys").modules, "open3d", None)
+    assert "Open3D" in open3d.why_not()
