@@ -40,8 +40,8 @@ def project_frames(
         return sampler.sample(cameras[index], image, mask)
 
     basis = [document.key("texels"), *vars(sampler.quality).values(), sampler.reference_depth]
-    names = [digest([*basis, reduce, raster_digest([raster])]) for raster in rasters]
     with Frames(rasters) as frames:
+        names = [digest([*basis, reduce, raster_digest([raster], frames)]) for raster in rasters]
         return write_store(
             folder, len(texels), len(rasters), sample, names=names,
             earlier=_readable(document.earlier("samples")) if folder else (),

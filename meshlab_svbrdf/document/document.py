@@ -359,16 +359,16 @@ def _results_of(project: Project, path: Path) -> Path | None:
     return lent[0] if len(lent) == 1 else None
 
 
-def raster_digest(rasters: list[RasterEntry]) -> str:
+def raster_digest(rasters: list[RasterEntry], frames: Frames | None = None) -> str:
     """SHA-256 of cameras, exposures, sequences and of the files' names, sizes and dates.
 
     Of a frame of a video, the video's file counts, and the frame's time.
     A sequence counts by its members: its name, a folder's, depends on where the project lies. Files
-    that are missing count as such.
+    that are missing count as such. `frames` : of these rasters or more, to look nothing up again.
     """
     if not rasters:
         raise DocumentError("the project has no rasters: add registered frames in MeshLab")
-    frames = Frames(rasters)
+    frames = frames or Frames(rasters)
     sequences = list(dict.fromkeys(raster.sequence for raster in rasters))
     return digest(
         [
