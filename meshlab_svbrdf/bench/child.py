@@ -18,6 +18,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
+from numba.core.event import install_recorder
+
 from ..document.document import Document
 from ..document.images import read_frame
 from ..presets import chain
@@ -34,21 +36,27 @@ SAVE = "save"  # the last stage: the project with its layers
 def run_chain(
     project: str, output: str, estimator: str, preset: str, settings: dict[str, str]
 ) -> Figures:
-    """Run the chain with warm kernels; decode the frames before it and after it."""
+    """Run the chain with warm kernels; decode the frames before it and after it.
+
+    compiled : kernels that were compiled all the same
+    """
     warm = warm_up(estimator)["seconds"]
     document = Document.open(project, output)
     decode = [decode_frames(document)]
     peak_before = peak_memory()
     stages = []
-    for name, meter in _stages(document, estimator, preset, settings):
-        stages.append({"name": name} | meter)
-        print(f"{name:36} {meter['seconds']:7.1f} s  {meter['said']}", file=sys.stderr, flush=True)
+    with install_recorder("numba:compile") as recorder:
+        for name, meter in _stages(document, estimator, preset, settings):
+            stages.append({"name": name} | meter)
+            line = f"{name:36} {meter['seconds']:7.1f} s  {meter['said']}"
+            print(line, file=sys.stderr, flush=True)
     decode.append(decode_frames(document))
     return {
         "preset": preset,
         "estimator": estimator,
         "threads": thread_count(),
         "warm_seconds": warm,
+        "compiled": sum(event.is_start for _, event in recorder.buffer),
         "peak_before": peak_before,
         "peak": max(stage["peak"] for stage in stages),
         "decode": _mean(decode),
