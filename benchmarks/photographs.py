@@ -15,7 +15,8 @@ from pathlib import Path
 import numpy as np
 
 from meshlab_svbrdf.document.document import Document
-from meshlab_svbrdf.document.images import read_frame, read_mask
+from meshlab_svbrdf.document.frames import Frames
+from meshlab_svbrdf.document.images import read_mask
 from meshlab_svbrdf.errors import SvbrdfError
 from meshlab_svbrdf.filters._lights import read_lights
 from meshlab_svbrdf.filters._stages import read_observations
@@ -90,10 +91,11 @@ def predict(document: Document, names: Sequence[str] = tuple(NAMES)) -> Row:
     observed = _matte(document, np.repeat(valid[:, None], 3, 1).astype(np.float32))
     found: dict[str, list[float]] = {name: [] for name in methods}
     shares = []
+    frames = Frames(document.held_out)
     for raster in document.held_out:
         size = raster.camera.width, raster.camera.height
         rays = int(np.clip(np.sqrt(RAYS / np.prod(size)), 1, 3))
-        truth = decode(read_frame(raster.path, label=raster.label, size=size) / 255)
+        truth = decode(frames.read(raster) / 255)
         seen, coverage = observed.render(raster.camera, 1)
         inside = coverage > 0
         if raster.mask is not None:

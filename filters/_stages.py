@@ -28,7 +28,7 @@ def read_observations(
     coefficients = document.array("visibility") if visibility else np.zeros((0, 36), np.float32)
     return observe(
         document.texels(),
-        SampleStore(document.result_folder("samples")),
+        SampleStore.open(document.result_folder("samples")),
         [cameras[label] for label in used],
         mesh.faces,
         gains=document.array("samples_gain"),

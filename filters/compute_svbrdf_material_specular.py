@@ -30,8 +30,9 @@ FILTER = Filter(
     title="SVBRDF: specular per material",
     needs=(
         "mesh", "rasters", "texels", "visibility", "samples", "environment", "diffuse", "lights",
-        "texel_specular", "materials",
+        "materials",
     ),
+    needs_if={"texel_specular": ("estimator", "paper")},
     writes=("material_specular",),
     parameters=(
         Parameter(
@@ -44,7 +45,7 @@ FILTER = Filter(
             help="Of the joint fit, at most; it ends when nothing moves by more than .1 %.",
         ),
         Parameter(
-            "samples", "int", 6_000_000, minimum=10_000,
+            "samples", "int", 2_000_000, minimum=10_000,
             help="About how many samples the joint fit holds in memory, about 60 bytes each.",
         ),
         Parameter(

@@ -7,8 +7,8 @@ from itertools import pairwise
 import numpy as np
 
 from meshlab_svbrdf.document.document import Document
-from meshlab_svbrdf.document.exposure import read_exposure
-from meshlab_svbrdf.document.images import frame_problem, read_frame, read_mask
+from meshlab_svbrdf.document.frames import Frames
+from meshlab_svbrdf.document.images import read_mask
 from meshlab_svbrdf.errors import DocumentError, SvbrdfError
 from meshlab_svbrdf.filter import Filter, Namespace, Parameter
 from meshlab_svbrdf.geometry.camera import Camera
@@ -119,7 +119,7 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
     def sample(index: int):
         raster = rasters[index]
         size = (raster.camera.width, raster.camera.height)
-        image = read_frame(raster.path, label=raster.label, size=size)
+        image = frames.read(raster)
         mask = (
             None if raster.mask is None else read_mask(raster.mask, label=raster.label, size=size)
         )
@@ -127,10 +127,11 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
         quality_sum[index] = (samples[2] & 127).sum() / 127
         return samples
 
-    store = write_store(
-        document.staged_folder("samples"), len(texels), len(rasters), sample,
-        memory=parameters.memory << 20, progress=counted(progress.part(0, 0.9), "frames"),
-    )  # fmt: skip
+    with Frames(rasters) as frames:
+        store = write_store(
+            document.staged_folder("samples"), len(texels), len(rasters), sample,
+            memory=parameters.memory << 20, progress=counted(progress.part(0, 0.9), "frames"),
+        )  # fmt: skip
     if len(store) == 0:
         raise SvbrdfError(
             "no texel is seen in any frame: check that the rasters are aligned to this mesh "
@@ -196,21 +197,19 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
 
 def _readable(rasters, unreadable: str):
     """The frames whose files are there; the others named, in an error or in the result."""
-    found = ((r.label, r.path, frame_problem(r.path)) for r in rasters)
-    bad = {label: f"{path} {problem}" for label, path, problem in found if problem}
-    if unreadable == "skip":
-        for raster in rasters:
-            if raster.label not in bad:
-                try:
-                    read_frame(
-                        raster.path,
-                        label=raster.label,
-                        size=(raster.camera.width, raster.camera.height),
-                    )
-                except DocumentError as error:
-                    bad[raster.label] = str(error)
-    elif bad:
-        listed = "; ".join(list(bad.values())[:5]) + (" …" if len(bad) > 5 else "")
+    with Frames(rasters) as frames:
+        found = {raster.label: frames.problem(raster) for raster in rasters}
+        bad = {label: problem for label, problem in found.items() if problem}
+        if unreadable == "skip":
+            for raster in rasters:
+                if raster.label not in bad:
+                    try:
+                        frames.read(raster)
+                    except DocumentError as error:
+                        bad[raster.label] = str(error)
+    if bad and unreadable != "skip":
+        problems = list(dict.fromkeys(bad.values()))
+        listed = "; ".join(problems[:5]) + (" …" if len(problems) > 5 else "")
         raise DocumentError(
             f"{len(bad)} of {len(rasters)} frames cannot be read ({listed}): put them back, remove "
             "the rasters in MeshLab, or leave them out with unreadable=skip "
@@ -229,7 +228,8 @@ def _exposures(rasters, wanted: str) -> tuple[np.ndarray, str]:
             lacking = [r.label for r in rasters if r.exposure is None]
             raise DocumentError(f"rasters without svbrdf_exposure: {', '.join(lacking[:8])}")
     if wanted in ("auto", "exif"):
-        values = [read_exposure(r.path) for r in rasters]
+        frames = Frames(rasters)
+        values = [frames.exposure(r) for r in rasters]
         if None not in values:
             return np.array(values) / np.median(np.array(values)), "exif"
         if wanted == "exif":

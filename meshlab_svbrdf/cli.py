@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import logging
 import sys
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
@@ -24,7 +25,9 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 from . import registry
 from .bench.command import bench
 from .document.document import Document, Outcome
+from .document.frames import Frames
 from .document.freshness import in_words
+from .document.video_file import video_problem
 from .errors import SvbrdfError
 from .filter import describe, to_json
 from .geometry import texels
@@ -198,6 +201,9 @@ def info(project: Project, as_json: AsJson = False) -> None:
         for label, size in told["layers"].items():
             typer.echo(f"layer    {label}: {size}")
         typer.echo(f"rasters  {told['rasters']}, of these held out: {told['held_out']}")
+        for video in told["videos"]:
+            problem = f" ({video['problem']})" if video["problem"] else ""
+            typer.echo(f"video    {video['file']}: {video['frames']} of the rasters{problem}")
         for label in told["held_out_labels"]:
             typer.echo(f"held out {label}")
         typer.echo(f"results  {told['results']}{'' if told['products'] else ': none yet'}")
@@ -360,12 +366,22 @@ def _tell(document: Document) -> dict[str, Any]:
         "project": str(document.path),
         "layers": layers,
         "rasters": len(document.project.rasters),
+        "videos": _videos(document),
         "held_out": len(document.held_out),
         "held_out_labels": [raster.label for raster in document.held_out],
         "results": str(document.folder),
         "products": products,
         "materials": document.json("materials")["materials"] if has_materials else [],
     }
+
+
+def _videos(document: Document) -> list[dict[str, Any]]:
+    """The videos that rasters are frames of, and what is wrong with the files."""
+    counts = Counter(frame.video for frame in Frames(document.project.rasters).videos.values())
+    return [
+        {"file": str(video), "frames": count, "problem": video_problem(video)}
+        for video, count in counts.items()
+    ]
 
 
 def _material_line(material: dict[str, Any]) -> str:

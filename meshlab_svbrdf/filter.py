@@ -11,8 +11,8 @@ from __future__ import annotations
 import difflib
 import math
 import re
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -185,6 +185,7 @@ class Filter:
     name : verb first, lower case: the method of MeshSet, the word in the shell
     title : what a menu shows
     needs : products of other filters, and "mesh" or "rasters" where `apply` reads them
+    needs_if : further products, each with the parameter and its value at which `apply` reads it
     writes : products that `apply` sets; a product both needed and written is edited in place
     version : raise it when the same inputs give another result, so that old results are made anew
     apply : `apply(document, parameters, progress) -> str`, one line on the outcome
@@ -195,6 +196,7 @@ class Filter:
     needs: tuple[str, ...] = ()
     writes: tuple[str, ...] = ()
     parameters: tuple[Parameter, ...] = ()
+    needs_if: Mapping[str, tuple[str, Any]] = field(default_factory=dict)
     help: str = ""
     reference: str = ""
     version: int = 1
@@ -204,12 +206,15 @@ class Filter:
         if not _IDENTIFIER.match(self.name):
             raise ValueError(f"filter name {self.name!r} is not a lower-case identifier")
         names = [parameter.name for parameter in self.parameters]
-        for what, words in (("parameter", names), ("need", self.needs), ("product", self.writes)):
+        needs = (*self.needs, *self.needs_if)
+        for what, words in (("parameter", names), ("need", needs), ("product", self.writes)):
             if len(set(words)) < len(words):
                 raise ValueError(f"{self.name}: the same {what} twice in {list(words)}")
         if "force" in names:
             raise ValueError(f"{self.name}: force is what every filter understands already")
-        for product in (*self.needs, *self.writes):
+        for parameter, value in self.needs_if.values():
+            self.check({parameter: value})
+        for product in (*needs, *self.writes):
             if not _IDENTIFIER.match(product):
                 raise ValueError(f"{self.name}: product {product!r} is not lower case")
         if set(self.writes) & set(INPUTS):
@@ -219,6 +224,15 @@ class Filter:
     def edits(self) -> tuple[str, ...]:
         """Products that this filter changes in place."""
         return tuple(product for product in self.writes if product in self.needs)
+
+    def needs_with(self, parameters: Namespace) -> tuple[str, ...]:
+        """What it needs where it has these parameters."""
+        also = (
+            product
+            for product, (name, value) in self.needs_if.items()
+            if getattr(parameters, name) == value
+        )
+        return (*self.needs, *also)
 
     def check(self, given: dict[str, Any]) -> Namespace:
         """The parameters given by a caller, checked, with defaults for the others."""
@@ -246,7 +260,8 @@ def describe(filter: Filter) -> str:
     lines = [f"## {filter.name}", "", f"**{filter.title}**", ""]
     if filter.help:
         lines += [filter.help, ""]
-    lines.append(f"Needs: {', '.join(filter.needs) or 'nothing'}. ")
+    needs = [*filter.needs, *(f"{p} (if {k}={v})" for p, (k, v) in filter.needs_if.items())]
+    lines.append(f"Needs: {', '.join(needs) or 'nothing'}. ")
     lines[-1] += f"Writes: {', '.join(filter.writes) or 'no product'}."
     if filter.parameters:
         lines.append("")
@@ -267,6 +282,7 @@ def to_json(filter: Filter) -> dict[str, Any]:
         "categories": ["Raster", "SVBRDF"],
         "description": filter.help,
         "requirements": list(filter.needs),
+        "requirementsIf": {p: {k: _plain(v)} for p, (k, v) in filter.needs_if.items()},
         "modifies": list(filter.writes),
         "parameters": [_parameter_json(parameter) for parameter in filter.parameters],
         "references": [filter.reference] if filter.reference else [],

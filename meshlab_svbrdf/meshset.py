@@ -16,7 +16,7 @@ import os
 import shutil
 import tempfile
 import weakref
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -164,6 +164,19 @@ class MeshSet(pymeshlab.MeshSet):
         return self._bridge.document.project.add_raster(
             label or path.name, path, camera, sequence=sequence, exposure=exposure, mask=mask
         )
+
+    def add_video(
+        self,
+        file_name: str | Path,
+        cameras: Mapping[int, Camera],
+        *,
+        exposure: float | None = None,
+    ) -> list[RasterEntry]:
+        """Add registered frames of a video, whose images need not be extracted.
+
+        cameras : by the frame's index in the order of presentation, from 0
+        """
+        return self._bridge.document.add_video(file_name, cameras, exposure=exposure)
 
     def load_new_raster(self, file_name: str) -> None:
         raise SvbrdfError(f"a raster needs its camera: add_raster({str(file_name)!r}, camera)")

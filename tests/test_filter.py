@@ -26,6 +26,8 @@ A_FILTER = Filter(
     reference="Somebody 2012",
 )
 
+A = Parameter("a", "int", 0)
+
 
 @pytest.mark.parametrize(
     ("kind", "value", "expected"),
@@ -127,6 +129,8 @@ def test_parameters_that_contradict_themselves_are_refused(arguments, says):
     [
         {"name": "Compute"},
         {"needs": ("mesh", "mesh")},
+        {"needs": ("texels",), "needs_if": {"texels": ("a", 1)}, "parameters": (A,)},
+        {"needs_if": {"Texels": ("a", 1)}, "parameters": (A,)},
         {"writes": ("mesh",)},
         {"writes": ("T",)},
         {"parameters": (Parameter("a", "int", 0), Parameter("a", "bool", True))},
@@ -136,6 +140,20 @@ def test_parameters_that_contradict_themselves_are_refused(arguments, says):
 def test_filters_that_contradict_themselves_are_refused(change):
     with pytest.raises(ValueError, match=r"."):
         Filter(**{"name": "f", "title": "F", **change})
+
+
+@pytest.mark.parametrize("need", [("b", 1), ("a", "many")], ids=["no parameter", "no value of it"])
+def test_needs_hang_on_parameters_that_there_are(need):
+    with pytest.raises(SvbrdfError, match="f"):
+        Filter("f", "F", needs_if={"texels": need}, parameters=(A,))
+
+
+def test_some_products_are_needed_at_a_parameters_value_only():
+    some = Filter("f", "F", ("mesh",), needs_if={"texels": ("a", 1)}, parameters=(A,))
+    assert some.needs_with(some.check({})) == ("mesh",)
+    assert some.needs_with(some.check({"a": "1"})) == ("mesh", "texels")
+    assert "Needs: mesh, texels (if a=1). " in describe(some)
+    assert to_json(some)["requirementsIf"] == {"texels": {"a": 1}}
 
 
 def test_defaults_fill_in_and_unknown_names_are_told_with_what_is_near():

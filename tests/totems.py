@@ -4,7 +4,7 @@ film     a variant of the sample project
 edited   the same with another project file
 solved   the result of the whole chain on it
 copied   a document on a copy of a result, for tests that change it
-run      the chain, or its first filters, on a document
+run      all filters in a chain's order, or the first of them, on a document
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from meshlab_svbrdf.script import read_script
 from sample_projects.make_totem import TINY, Options, make_totem
 
 ROOT = Path(__file__).parents[1]
-CHAIN = tuple(step.name for step in read_script(ROOT / "filters" / "svbrdf.mlx"))
+CHAIN = tuple(step.name for step in read_script(ROOT / "filters" / "svbrdf_paper.mlx"))
 TEXELS, VISIBILITY, SAMPLES, THRESHOLD, ENVIRONMENT, DIFFUSE, LIGHTS, PEAKS, MATERIALS, GLOSS = (
     CHAIN
 )

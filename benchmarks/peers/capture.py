@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from meshlab_svbrdf.document.document import Document
-from meshlab_svbrdf.document.images import read_frame, write_exr, write_png
+from meshlab_svbrdf.document.frames import Frames
+from meshlab_svbrdf.document.images import write_exr, write_png
 from meshlab_svbrdf.document.project import RasterEntry
 from meshlab_svbrdf.errors import SvbrdfError
 from meshlab_svbrdf.geometry.mesh import Mesh
@@ -28,6 +29,7 @@ class Capture:
     size: int
     mesh: Mesh
     rasters: list[RasterEntry]
+    frames: Frames
     center: np.ndarray
 
     @property
@@ -43,8 +45,7 @@ class Capture:
 
     def frame(self, raster: RasterEntry) -> np.ndarray:
         """A frame's pixels, (H, W, 3) uint8 sRGB."""
-        size = raster.camera.width, raster.camera.height
-        return read_frame(raster.path, label=raster.label, size=size)
+        return self.frames.read(raster)
 
 
 def read_capture(project: Path, result: Path, size: int) -> Capture:
@@ -75,7 +76,7 @@ def read_capture(project: Path, result: Path, size: int) -> Capture:
         if raster.label in used
     ]
     near = replace(mesh, vertices=mesh.vertices - center, normals=mesh.vertex_normals())
-    return Capture(document, size, near, rasters, center)
+    return Capture(document, size, near, rasters, Frames(rasters), center)
 
 
 def write_maps(folder: Path, diffuse: np.ndarray) -> None:

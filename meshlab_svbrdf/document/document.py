@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import logging
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -18,15 +19,18 @@ import numpy as np
 from .. import registry
 from ..errors import DocumentError, SvbrdfError
 from ..filter import Filter
+from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
 from ..progress import Progress, Show
 from .exact import remember, restore
+from .frames import Frames, file_stamp
 from .freshness import Freshness, filter_key, resolve_lengths
 from .given_uv import GivenUv
 from .layers import Layer, mesh_digest
 from .products import Products
 from .project import MeshEntry, Project, RasterEntry, new_project, read_project, write_project
 from .record import RECORD, ResultFolder, digest, replace_folder
+from .video_rasters import add_video, bring_videos, follow_folder
 from .views import OBJECT, write_views
 
 log = logging.getLogger("meshlab_svbrdf")
@@ -132,6 +136,22 @@ class Document(Products):
             added = [frame for frame in held_out if frame["label"] not in known]
             value = {**value, "frames": [*value.get("frames", ()), *added]}
         super().set_json(name, value)
+
+    def add_video(
+        self, path: str | Path, cameras: Mapping[int, Camera], *, exposure: float | None = None
+    ) -> list[RasterEntry]:
+        """Add registered frames of a video as rasters; the video is not extracted.
+
+        cameras : by the frame's index in the order of presentation, from 0
+        exposure : of all its frames, relative to other rasters
+
+        Raises
+        ------
+        DocumentError : the video cannot be read, a frame is not there, or is added already.
+        """
+        self._own_results()
+        with self.results.locked():
+            return add_video(self.project, self.folder, Path(path), cameras, exposure)
 
     def object_layer(self) -> Layer:
         """The mesh that the suite works on: the layer chosen by label, else the visible one.
@@ -268,9 +288,13 @@ class Document(Products):
             self.results,
             self._given_digest,
             lambda: raster_digest(self.rasters),
-            lambda: all(raster.path.is_file() for raster in self.rasters),
+            self._frames_there,
             self._layer_digest,
         )
+
+    def _frames_there(self) -> bool:
+        frames = Frames(self.rasters)
+        return all(file.is_file() for file in {frames.file(raster) for raster in self.rasters})
 
     # Saving
 
@@ -295,9 +319,10 @@ class Document(Products):
         return self.path
 
     def _own_results(self) -> None:
-        """Before results change, copy those that another project lent."""
+        """Before results change, copy those that another project lent, and names of its videos."""
         if self.folder != self.path.with_suffix(RESULTS):
             self.move_to(self.path, link=True)
+        bring_videos(self.project.rasters, self.folder)
 
     def move_to(self, path: Path, *, link: bool = False) -> None:
         """Work on a copy of the results beside another project, the results there replaced.
@@ -313,6 +338,7 @@ class Document(Products):
                 replace_folder(old, target, link=link)
         for layer in self.layers:
             layer.move(old, target)
+        follow_folder(self.project.rasters, old, target)
         self.path, self.results = path, ResultFolder(target)
 
 
@@ -336,19 +362,21 @@ def _results_of(project: Project, path: Path) -> Path | None:
 def raster_digest(rasters: list[RasterEntry]) -> str:
     """SHA-256 of cameras, exposures, sequences and of the files' names, sizes and dates.
 
+    Of a frame of a video, the video's file counts, and the frame's time.
     A sequence counts by its members: its name, a folder's, depends on where the project lies. Files
     that are missing count as such.
     """
     if not rasters:
         raise DocumentError("the project has no rasters: add registered frames in MeshLab")
+    frames = Frames(rasters)
     sequences = list(dict.fromkeys(raster.sequence for raster in rasters))
     return digest(
         [
             [
                 r.label,
                 _camera_numbers(r),
-                _stamp(r.path),
-                _stamp(r.mask),
+                frames.stamp(r),
+                None if r.mask is None else file_stamp(r.mask),
                 r.exposure,
                 sequences.index(r.sequence),
             ]
@@ -364,16 +392,6 @@ def _camera_numbers(raster: RasterEntry) -> list[Any]:
     intrinsics = [camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy]
     numbers = [np.round(intrinsics, 6), np.round(camera.R, 9), np.round(camera.t, digits)]
     return [(values + 0.0).tolist() for values in numbers]
-
-
-def _stamp(path: Path | None) -> list[Any] | None:
-    if path is None:
-        return None
-    try:
-        status = path.stat()
-    except OSError:
-        return [path.name, "missing"]  # the filter that reads frames says so
-    return [path.name, status.st_size, status.st_mtime_ns]
 
 
 def _words(parameters: Any) -> dict[str, Any]:

@@ -78,7 +78,7 @@ class Freshness:
             if parameter.kind == "layer"
         )
         keys = {LAYER + label: self._layer(label) for label in labels if label}
-        for need in filter.needs:
+        for need in filter.needs_with(parameters):
             if need in INPUTS:
                 keys[need] = self._inputs[need]()
                 continue

@@ -40,7 +40,7 @@ def read_frame(
         raise DocumentError(
             f"{where}: 8-bit sRGB expected, found {image.dtype}; convert the frame to 8 bits"
         )
-    _check_size(image, size, where)
+    check_size(image, size, where)
     if image.ndim == 2:
         return cv2.cvtColor(image, cv2.COLOR_GRAY2RGB)
     code = cv2.COLOR_BGRA2RGB if image.shape[2] == 4 else cv2.COLOR_BGR2RGB
@@ -69,7 +69,7 @@ def read_mask(
     """
     where = str(path) if label is None else f"mask of raster {label!r}: {path}"
     image = _decode(path, where, cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION)
-    _check_size(image, size, where)
+    check_size(image, size, where)
     mask = image > 127
     if image.any() and not mask.any():
         raise DocumentError(f"{where}: the mask's largest value is {image.max()}, 255 expected")
@@ -99,6 +99,17 @@ def write_png(path: str | Path, array: np.ndarray) -> None:
             f"{array.shape} of {array.dtype}; write np.round(255 * x).astype(np.uint8), x in [0, 1]"
         )
     _, data = cv2.imencode(".png", array if array.ndim == 2 else _swap_red_and_blue(array))
+    with replacing(path) as temporary:
+        temporary.write_bytes(data.tobytes())
+
+
+def write_jpeg(path: str | Path, array: np.ndarray) -> None:
+    """Write an image (H, W, 3) uint8, channels R, G, B, as a good JPEG, whole or not at all."""
+    how = [
+        cv2.IMWRITE_JPEG_QUALITY, 95,
+        cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444,
+    ]  # fmt: skip
+    _, data = cv2.imencode(".jpg", _swap_red_and_blue(array), how)
     with replacing(path) as temporary:
         temporary.write_bytes(data.tobytes())
 
@@ -177,7 +188,8 @@ def _is_cut_off(data: bytes) -> bool:
     return data.find(b"\xff\xd9", at) < 0
 
 
-def _check_size(image: np.ndarray, size: tuple[int, int] | None, where: str) -> None:
+def check_size(image: np.ndarray, size: tuple[int, int] | None, where: str) -> None:
+    """Refuse an image that has not the `size` (width, height) of its camera, if there is one."""
     height, width = image.shape[:2]
     if size is not None and (width, height) != tuple(size):
         raise DocumentError(

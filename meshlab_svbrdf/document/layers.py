@@ -51,9 +51,9 @@ class Layer:
     def move(self, old: Path, new: Path) -> None:
         """Follow the folder `old` that is at `new` now."""
         if self.path is not None:
-            self.path = _moved(self.path, old, new)
+            self.path = moved(self.path, old, new)
         if self.content is not None:
-            textures = tuple(_moved(path, old, new) for path in self.content.textures)
+            textures = tuple(moved(path, old, new) for path in self.content.textures)
             self.content = replace(self.content, textures=textures)
 
     def read(self) -> MeshFile:
@@ -70,7 +70,8 @@ class Layer:
         return named and stored
 
 
-def _moved(path: Path, old: Path, new: Path) -> Path:
+def moved(path: Path, old: Path, new: Path) -> Path:
+    """Where a file is, if it was in the folder `old` that is at `new` now."""
     return new / path.relative_to(old) if path.is_relative_to(old) else path
 
 

@@ -6,6 +6,7 @@ texels/NAME.npy   attribute: (T,) or (T, k), one row per texel
 arrays/NAME.npy   any other array; texels themselves are arrays/texels_*.npy
 maps/NAME.png|exr one image per texture of the object; NAME.1.png for the second
 layers/LABEL.ply  layers that a filter made
+frames/NAME.jpg   extracted frames of videos
 NAME.json, NAME.png|exr, samples/ …   at the top
 """
 
@@ -25,9 +26,10 @@ import numpy as np
 
 from ..errors import MissingStageError
 from ..geometry.texels import Texels
-from .images import read_exr, read_image, write_exr, write_png
+from .images import read_exr, read_image, write_exr, write_jpeg, write_png
 from .layers import MAP, Layer, attribute_name, file_name, write_layer
 from .record import ResultFolder, write_json
+from .video_names import FRAMES
 
 ImageKind = Literal["exr", "png"]
 
@@ -147,6 +149,10 @@ class Products:
     def set_image(self, name: str, image: np.ndarray, *, kind: ImageKind = "exr") -> None:
         """Stage an image at the folder's top (environment.exr)."""
         _write(self._stage(f"{name}.{kind}"), image)
+
+    def set_frame_image(self, name: str, image: np.ndarray) -> None:
+        """Stage the JPEG that a raster names for a frame of a video, (H, W, 3) uint8."""
+        write_jpeg(self._stage(f"{FRAMES}/{name}"), image)
 
     # Folders
 

@@ -13,6 +13,7 @@ import numpy as np
 from ..errors import DocumentError
 from ..geometry.camera import Camera
 from .cameras import decode_numbers, encode_numbers, read_camera, write_camera
+from .video_names import is_frames_folder, relative, video_of
 
 
 @dataclass(eq=False)
@@ -36,7 +37,8 @@ class RasterEntry:
     """One frame and its camera.
 
     path : absolute, the frame
-    sequence : attribute `svbrdf_sequence`, else the frame's folder seen from the project's
+    sequence : attribute `svbrdf_sequence`, else the video, or the frame's folder seen from the
+        project's
     exposure : attribute `svbrdf_exposure`, relative, > 0, or None
     mask : attribute `svbrdf_mask` ("" for none), else masks/STEM.png beside or in its folder
     """
@@ -210,19 +212,17 @@ def _set_path(
     text = element.get(name)
     if not moved and old is not None and text and _resolve(text, old) == path:
         return
-    element.set(name, _relative(path, new.parent))
-
-
-def _relative(path: Path, folder: Path) -> str:
-    try:
-        return Path(os.path.relpath(path, folder)).as_posix()
-    except ValueError:  # another drive on Windows has no relative path
-        return path.as_posix()
+    element.set(name, relative(path, new.parent))
 
 
 def folder_name(path: Path, project: Path | None) -> str:
-    """The folder of `path` as seen from the project's: what names a sequence by default."""
-    return path.parent.as_posix() if project is None else _relative(path.parent, project.parent)
+    """What names a sequence by default: the folder of `path` as seen from the project's.
+
+    Of a frame of a video it is the video.
+    """
+    if is_frames_folder(path.parent):
+        return video_of(path.name)
+    return path.parent.as_posix() if project is None else relative(path.parent, project.parent)
 
 
 def mask_beside(frame: Path) -> Path | None:

@@ -44,6 +44,13 @@ class Camera:
             self.R, self.t + self.R @ origin,
         )  # fmt: skip
 
+    def cropped(self, left: int, top: int, right: int, bottom: int) -> Camera:
+        """The camera of the image's columns left..right and rows top..bottom (half open)."""
+        return Camera(
+            right - left, bottom - top, self.fx, self.fy, self.cx - left, self.cy - top,
+            self.R, self.t,
+        )  # fmt: skip
+
     def project(self, points: np.ndarray) -> np.ndarray:
         """World points (N, 3) to (N, 3): column and row (pixels), depth (world, > 0 in front)."""
         p = points @ self.R.T + self.t

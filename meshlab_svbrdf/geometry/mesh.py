@@ -52,6 +52,19 @@ class Mesh:
         normals = self.vertex_normals()[self.faces].sum(axis=1)
         return -1 if np.einsum("ij,ij->", np.cross(b - a, c - a), normals) < 0 else 1
 
+    def is_closed(self) -> bool:
+        """Whether every edge has two faces that agree on their front, so that backs are hidden.
+
+        Vertices at the same place count as one: files double them along the seams of textures.
+        """
+        place = np.unique(self.vertices, axis=0, return_inverse=True)[1].ravel()
+        corners = place[self.faces]
+        corners = corners[(corners != np.roll(corners, 1, axis=1)).all(axis=1)]  # with an area
+        start, stop = corners.ravel(), np.roll(corners, -1, axis=1).ravel()
+        edges, backwards = (np.sort(a * len(place) + b) for a, b in ((start, stop), (stop, start)))
+        once = bool((edges[1:] != edges[:-1]).all())
+        return len(edges) > 0 and once and bool((edges == backwards).all())
+
     def _face_means(self) -> np.ndarray:
         corners = self.vertices[self.faces]
         area = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])

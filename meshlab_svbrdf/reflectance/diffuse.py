@@ -2,24 +2,49 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 
+from ..geometry.harmonics import evaluate_all, scale_coefficients
 from ..samples.observations import (
+    VISIBLE,
     Observations,
     color,
     fill_visibility,
-    mirror_direction,
-    sample_luminance,
+    longest_history,
+    mirrors,
+    relative_luminance,
     sample_quality,
     visibility,
 )
 from .directions import look_up, octahedral_cell, octahedral_directions
+from .power import FAST, exp
 from .threshold import LuminanceStatistics
 
 _CELLS = 512  # of the octahedral map along a side: .35° a cell, against a cone of 5°
 _STATISTICAL, _TRIMMED, _QUANTILE = range(3)
 METHODS = ("statistical", "trimmed", "quantile")
+DARK = np.float32(-1e6)
+"""ln b where no light comes from."""
+
+
+class _Lit(NamedTuple):
+    """Where light comes from, as the kernel looks it up.
+
+    averaged : (C, C) float32, ln of eq. 4 without visibility, or `DARK`
+    plain : (C, C) float32, the map; per_direction : eq. 4 to the letter, in `plain`
+    cosines, sines, phis, weights : (16,) float32, the cone's directions and g
+    """
+
+    averaged: np.ndarray
+    plain: np.ndarray
+    per_direction: bool
+    cosines: np.ndarray
+    sines: np.ndarray
+    phis: np.ndarray
+    weights: np.ndarray
 
 
 def cone_directions(axis: np.ndarray, cone: float, rings: int = 4) -> np.ndarray:
@@ -63,21 +88,28 @@ def cone_average(probability: np.ndarray, cone: float, kernel: str = "angle") ->
     return out
 
 
-@njit(cache=True, nogil=True)
-def specular_weight(y, b, threshold, minimum):
-    """Eq. 3 and 5, guarded: s = b^(w²) / w in [0, 1], w = (t − min) / (Y − min) in [¼, 4]."""
-    if not (y > minimum and b > 0):
-        return 0.0
-    w = (threshold - minimum) / (y - minimum) if threshold - minimum >= 1e-6 else 1.0
-    w = min(max(w, 0.25), 4.0)
-    return min(b ** (w * w) / w, 1.0)
+@njit(cache=True, nogil=True, error_model="numpy")
+def specular_weight(y, log_b, threshold, minimum):
+    """Eq. 3 and 5, guarded: s = b^(w²) / w in [0, 1], w = (t − min) / (Y − min) in [¼, 4]; float32.
+
+    log_b : ln b, `DARK` where no light comes from
+    """
+    zero, one = np.float32(0), np.float32(1)
+    w = np.float32((threshold - minimum) / (y - minimum))
+    w = w if threshold - minimum >= 1e-6 else one
+    w = min(max(w, np.float32(0.25)), np.float32(4))
+    exponent = np.float32(w * w * log_b)
+    s = min(exp(exponent) / w, one)
+    return s if (y > minimum) & (exponent > DARK / 16) else zero
 
 
-@njit(cache=True, nogil=True)
-def _cone_with_visibility(
-    probability, coefficients, x, y, z, cosines, sines, phis, weights, height
-):
+@njit(cache=True, nogil=True, error_model="numpy")
+def _cone_with_visibility(lit, coefficients, x, y, z):
     """Eq. 4 to the letter: V(ω) for each direction of the cone."""
+    probability, cosines, sines, phis, weights = (
+        lit.plain, lit.cosines, lit.sines, lit.phis, lit.weights,
+    )  # fmt: skip
+    height = probability.shape[0]
     sign = 1.0 if z >= 0 else -1.0
     a = -1.0 / (sign + z)
     ux, uy, uz = 1.0 + sign * x * x * a, sign * x * y * a, -sign * x
@@ -93,73 +125,92 @@ def _cone_with_visibility(
     return top / bottom if bottom > 0 else 0.0
 
 
-@njit(cache=True, nogil=True)
-def _diffuse(
-    block, view, threshold, minimum, averaged, plain, cone, per_direction, letter, method, out
-):
-    coefficients = np.empty(36, np.float32)
-    longest = 0
-    for i in range(block.stop - block.first):
-        longest = max(longest, block.offsets[i + 1] - block.offsets[i])
-    ys, ws = np.empty(longest, np.float32), np.empty(longest, np.float32)
+@njit(cache=True, nogil=True, error_model="numpy")
+def _specular_weights(block, view, i, threshold, minimum, ys, lit, letter, rows, ws):
+    """Weigh each sample of the block's texel i by how surely it is diffuse, or by s to the letter.
+
+    Whole rows of samples at a time, for the compiler makes vector instructions of such loops.
+    """
+    t, first, stop = block.first + i, block.offsets[i], block.offsets[i + 1]
+    n, coefficients, one = stop - first, np.empty(36, np.float32), np.float32(1)
+    x, y, z, log_b, seen = rows[0, :n], rows[1, :n], rows[2, :n], rows[3, :n], rows[4, :n]
+    mirrors(view, t, block.frame[first:stop], x, y, z)
+    for j in range(n):
+        row, col = octahedral_cell(x[j], y[j], z[j], lit.averaged.shape[0])
+        log_b[j] = lit.averaged[row, col]
+    if fill_visibility(view, t, coefficients):
+        if lit.per_direction:
+            for j in range(n):
+                b = _cone_with_visibility(lit, coefficients, x[j], y[j], z[j])
+                log_b[j] = np.log(b) if b > 0 else DARK
+        else:
+            scale_coefficients(coefficients, coefficients)
+            evaluate_all(coefficients, x, y, z, seen)
+            for j in range(n):
+                log_b[j] = log_b[j] if seen[j] > VISIBLE else DARK
+    for j in range(n):
+        s = specular_weight(ys[j], log_b[j], threshold, minimum)
+        ws[j] = s if letter else one - s
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+def _weighted_bound(ys, ws, otherwise):
+    """Weighted mean and deviation, added; `otherwise` where nothing has weight."""
+    total, weight, deviation = 0.0, 0.0, 0.0
+    for j in range(len(ys)):
+        total += ws[j] * ys[j]
+        weight += ws[j]
+    if not weight > 0:
+        return otherwise
+    mu = np.float32(total / weight)
+    for j in range(len(ys)):
+        deviation += ws[j] * abs(ys[j] - mu)
+    return np.float32(mu + deviation / weight)
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+def _mean_below(ys, bound, quality, values):
+    """Mean of the values, weighted by quality, where Y is no more than the bound; NaN for none."""
+    total, weight = 0.0, 0.0
+    for j in range(len(ys)):
+        q = quality[j] if ys[j] <= bound else np.float32(0)
+        total += q * values[j]
+        weight += q
+    return total / weight if weight > 0 else np.nan
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _diffuse(block, view, threshold, minimum, lit, letter, method, out):
+    longest = longest_history(block)
+    buffer, rows = np.empty((6, longest), np.float32), np.empty((5, longest), np.float32)
     for i in range(block.stop - block.first):
         t, first = block.first + i, block.offsets[i]
         n = block.offsets[i + 1] - first
         if not threshold[t] >= 0:
             continue
+        red, green, blue, quality = buffer[0, :n], buffer[1, :n], buffer[2, :n], buffer[3, :n]
+        ys, ws = buffer[4, :n], buffer[5, :n]
         for j in range(n):
-            ys[j] = sample_luminance(block, view, first + j)
+            red[j], green[j], blue[j] = color(block, view, first + j)
+            quality[j] = sample_quality(block, first + j)
+        for j in range(n):
+            ys[j] = relative_luminance(red[j], green[j], blue[j])
+        # Bound the diffuse samples
         if method == _STATISTICAL:
-            # Weigh each sample by how surely it is diffuse
-            has = fill_visibility(view, t, coefficients)
-            for j in range(n):
-                x, y, z = mirror_direction(view, t, block.frame[first + j])
-                row, col = octahedral_cell(x, y, z, averaged.shape[0])
-                b = averaged[row, col]
-                if b > 0 and per_direction and has:
-                    b = _cone_with_visibility(
-                        plain,
-                        coefficients,
-                        x,
-                        y,
-                        z,
-                        cone[0],
-                        cone[1],
-                        cone[2],
-                        cone[3],
-                        plain.shape[0],
-                    )
-                elif b > 0 and not visibility(has, coefficients, x, y, z) > 0:
-                    b = np.float32(0)
-                s = specular_weight(ys[j], b, threshold[t], minimum[t])
-                ws[j] = s if letter else 1.0 - s
-            # Bound the diffuse samples by the weighted mean and deviation
-            total, weight = 0.0, 0.0
-            for j in range(n):
-                total, weight = total + ws[j] * ys[j], weight + ws[j]
-            if weight > 0:
-                mu, deviation = total / weight, 0.0
-                for j in range(n):
-                    deviation += ws[j] * abs(ys[j] - mu)
-                bound = mu + deviation / weight
-            else:
-                bound = np.float64(threshold[t])
+            _specular_weights(block, view, i, threshold[t], minimum[t], ys, lit, letter, rows, ws)
+            bound = _weighted_bound(ys, ws, threshold[t])
         elif method == _TRIMMED:
-            median = np.median(ys[:n])
+            median = np.median(ys)
             for j in range(n):
                 ws[j] = abs(ys[j] - median)
-            bound = np.float64(median + 1.5 * np.median(ws[:n]))
+            bound = np.float32(median + 1.5 * np.median(ws))
         else:
-            bound = np.float64(np.quantile(ys[:n], 0.25))
+            bound = np.float32(np.quantile(ys, 0.25))
         # Average the colours below the bound (eq. 6)
-        red, green, blue, weight = 0.0, 0.0, 0.0, 0.0
-        for j in range(n):
-            if ys[j] <= bound + 1e-4:
-                q = sample_quality(block, first + j)
-                r, g, b = color(block, view, first + j)
-                red, green, blue, weight = red + q * r, green + q * g, blue + q * b, weight + q
-        if weight > 0:
-            out[t, 0], out[t, 1], out[t, 2] = red / weight, green / weight, blue / weight
+        bound += np.float32(1e-4)
+        out[t, 0] = _mean_below(ys, bound, quality, red)
+        out[t, 1] = _mean_below(ys, bound, quality, green)
+        out[t, 2] = _mean_below(ys, bound, quality, blue)
 
 
 def diffuse_color(
@@ -190,18 +241,19 @@ def diffuse_color(
     plain = look_up(probability, octahedral_directions(_CELLS).reshape(-1, 3)).reshape(
         _CELLS, _CELLS
     )
-    rays = cone_directions(np.array([0, 0, 1.0]), cone)
-    table = (
-        rays[:, 2], np.hypot(rays[:, 0], rays[:, 1]), np.arctan2(rays[:, 1], rays[:, 0]),
-        cone_weights(cone, cone_kernel),
+    rays = cone_directions(np.array([0, 0, 1.0]), cone).astype(np.float32)
+    lit = _Lit(
+        np.log(averaged, out=np.full_like(averaged, DARK), where=averaged > 0),
+        plain.astype(np.float32), cone_visibility,
+        rays[:, 2].copy(), np.hypot(rays[:, 0], rays[:, 1]), np.arctan2(rays[:, 1], rays[:, 0]),
+        cone_weights(cone, cone_kernel).astype(np.float32),
     )  # fmt: skip
     out = np.full((len(observations.texels), 3), np.nan, np.float32)
 
     def work(block):
         _diffuse(
-            block, observations.view, statistics.threshold, statistics.minimum, averaged,
-            plain.astype(np.float32), table, cone_visibility, weights == "s",
-            METHODS.index(method), out,
+            block, observations.view, statistics.threshold, statistics.minimum, lit,
+            weights == "s", METHODS.index(method), out,
         )  # fmt: skip
 
     observations.store.map(work, progress)

@@ -60,13 +60,14 @@ def octahedral_directions(size: int) -> np.ndarray:
     return d / np.linalg.norm(d, axis=-1, keepdims=True)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def octahedral_cell(x, y, z, size):
-    """Row and column of a unit direction in an octahedral map: no trigonometry."""
-    scale = abs(x) + abs(y) + abs(z)
-    u, v = x / scale, y / scale
+    """Row and column of a direction, of any length, in an octahedral map: no trigonometry."""
+    one, half = np.float32(1), np.float32(0.5 * size)
+    scale = one / (abs(x) + abs(y) + abs(z))
+    u, v = x * scale, y * scale
     if z < 0:
-        a, b = 1 - abs(v), 1 - abs(u)
+        a, b = one - abs(v), one - abs(u)
         u, v = a if u >= 0 else -a, b if v >= 0 else -b
-    row, col = int((v + 1) * 0.5 * size), int((u + 1) * 0.5 * size)
+    row, col = np.int64((v + one) * half), np.int64((u + one) * half)
     return min(row, size - 1), min(col, size - 1)

@@ -12,8 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from .fit_samples import FitSamples
-from .pixel_blur import along_and_across, blurred_lobe
+from .fit_samples import FitSamples, longest
+from .lobes import NOTHING, add, part, soften, take
+from .power import FAST
 
 ALPHAS = 2.0 ** (np.arange(34) / 3)
 """The grid: 1 to 2048, three an octave."""
@@ -21,66 +22,64 @@ REACH = 3
 """Cells to both sides of a shininess that is already known."""
 
 
-@njit(cache=True, nogil=True)
-def _add_lobes(u1, u2, s1, s2, gain, start, end, phi):
-    """Add gain times the lobe of every α of the grid from start to end; returns how many count."""
-    for a in range(start, end):
-        value = blurred_lobe(ALPHAS[a], u1, u2, s1, s2)
-        if value == 0.0:
-            return a
-        phi[a] += gain * value
-    return end
+@njit(cache=True, nogil=True, fastmath=FAST)
+def _luminances(n, y, origin, w, d):
+    """y − origin to d (n,); Σw, Σwd and Σwd²."""
+    sw, sy, syy = 0.0, 0.0, 0.0
+    for j in range(n):
+        d[j] = y[j] - origin
+        a, b = np.float64(w[j]), np.float64(d[j])
+        sw, sy, syy = sw + a, sy + a * b, syy + a * b * b
+    return sw, sy, syy
+
+
+@njit(cache=True, nogil=True, fastmath=FAST)
+def _lobe_sums(n, phi, w, d):
+    """Σwφ, Σwφd and Σwφ²."""
+    sp, spy, spp = 0.0, 0.0, 0.0
+    for j in range(n):
+        p = np.float64(phi[j])
+        wp = np.float64(w[j]) * p
+        sp, spy, spp = sp + wp, spy + wp * d[j], spp + wp * p
+    return sp, spy, spp
 
 
 @njit(cache=True, nogil=True)
 def _eliminate(first, stop, offsets, material, y, w, mirror, blur, rays, gains, window, sums):
     """Add N, Q, T of the texels first..stop to sums (M, 3, A)."""
-    count = sums.shape[2]
-    phi, sp, spy, spp = np.empty(count), np.empty(count), np.empty(count), np.empty(count)
+    most, lamps = longest(offsets, first, stop), gains.shape[1]
+    columns = np.empty((8, most), np.float32)
+    h1, h2, height, phi, d = np.empty((5, most), np.float32)
+    u1, u2 = np.empty((2, lamps, most), np.float32)
+    least = np.empty(lamps)
     for i in range(first, stop):
-        if offsets[i] == offsets[i + 1]:
+        j, n = offsets[i], offsets[i + 1] - offsets[i]
+        if n == 0:
             continue
-        sw, sy, syy, most = 0.0, 0.0, 0.0, 0
-        sp[:], spy[:], spp[:] = 0.0, 0.0, 0.0
-        origin = y[offsets[i]]
-        start, end = window[material[i]]
-        for j in range(offsets[i], offsets[i + 1]):
-            if w[j] <= 0:
-                continue
-            d = np.float64(y[j] - origin)
-            sw, sy, syy = sw + w[j], sy + w[j] * d, syy + w[j] * d * d
-            used, s1 = 0, 0.0
-            for k in range(gains.shape[1]):
-                if gains[i, k] > 0:
-                    cos = (
-                        rays[i, k, 0] * mirror[j, 0]
-                        + rays[i, k, 1] * mirror[j, 1]
-                        + rays[i, k, 2] * mirror[j, 2]
-                    )
-                    if cos > 0.01:
-                        if used == 0:
-                            phi[start:end] = 0.0
-                            s1 = blur[j, 0] ** 2 + blur[j, 1] ** 2 + blur[j, 2] ** 2
-                        u1, u2 = along_and_across(
-                            cos, blur[j, 0], blur[j, 1], blur[j, 2], rays[i, k], s1
-                        )
-                        last = _add_lobes(u1, u2, s1, blur[j, 3], gains[i, k], start, end, phi)
-                        used = max(used, last)
-            for a in range(start, used):
-                wp = w[j] * phi[a]
-                sp[a] += wp
-                spy[a] += wp * d
-                spp[a] += wp * phi[a]
-            most = max(most, used)
+        m, weight = material[i], w[j : j + n]
+        sw, sy, syy = _luminances(n, y[j : j + n], y[j], weight, d)
         if sw <= 0:
             continue
-        m = material[i]
-        total = syy - sy * sy / sw
-        for a in range(count):
-            sums[m, 2, a] += total
-            if start <= a < most:
-                sums[m, 0, a] += spy[a] - sp[a] * sy / sw
-                sums[m, 1, a] += spp[a] - sp[a] * sp[a] / sw
+        sums[m, 2] += syy - sy * sy / sw
+        blurriest = take(mirror, blur, j, n, columns)
+        for k in range(lamps):
+            least[k] = np.inf
+            if gains[i, k] > 0:
+                least[k] = part(columns, n, rays[i, k], u1[k], u2[k])
+        start, end = window[m]
+        for a in range(start, end):
+            # Leave the lamps out whose lobes have ended before all of the texel's samples
+            reach = NOTHING * (1.0 / ALPHAS[a] + blurriest)
+            if least.min() > reach:
+                break
+            soften(columns, n, ALPHAS[a], h1, h2, height)
+            phi[:n] = 0.0
+            for k in range(lamps):
+                if least[k] <= reach:
+                    add(n, gains[i, k], h1, h2, height, u1[k], u2[k], phi)
+            sp, spy, spp = _lobe_sums(n, phi, weight, d)
+            sums[m, 0, a] += spy - sp * sy / sw
+            sums[m, 1, a] += spp - sp * sp / sw
 
 
 @dataclass(frozen=True)

@@ -57,6 +57,15 @@ class FitSamples:
 
 
 @njit(cache=True, nogil=True)
+def longest(offsets, first, stop):
+    """The most samples of a texel among first..stop."""
+    most = 0
+    for i in range(first, stop):
+        most = max(most, offsets[i + 1] - offsets[i])
+    return most
+
+
+@njit(cache=True, nogil=True)
 def is_clipped(block, view, j):
     """Any tap of sample j was clipped, or its luminance before dividing by exposure is above 98."""
     red, green, blue = block.rgb[j, 0], block.rgb[j, 1], block.rgb[j, 2]
@@ -70,19 +79,18 @@ def _collect(
 ):
     """Copy the chosen texels' samples from `start` on."""
     n = start
-    for c in range(len(chosen)):
-        i = chosen[c] - block.first
+    for i in range(len(chosen)):
         for j in range(block.offsets[i], block.offsets[i + 1]):
             luminance[n] = sample_luminance(block, view, j)
             rgb[n, 0], rgb[n, 1], rgb[n, 2] = color(block, view, j)
             quality[n] = sample_quality(block, j)
             clipped[n] = is_clipped(block, view, j)
             mirror[n, 0], mirror[n, 1], mirror[n, 2] = mirror_direction(
-                view, chosen[c], block.frame[j]
+                view, chosen[i], block.frame[j]
             )
             if len(shape):
                 blur[n, 0], blur[n, 1], blur[n, 2], blur[n, 3] = pixel_blur(
-                    view, pixel, shape[chosen[c]], chosen[c], block.frame[j]
+                    view, pixel, shape[chosen[i]], chosen[i], block.frame[j]
                 )
             n += 1
 
@@ -100,19 +108,13 @@ def collect(observations: Observations, texel: np.ndarray, material: np.ndarray)
         np.empty(total, bool), np.empty((total, 3), np.float32), np.zeros((total, 4), np.float32),
     )  # fmt: skip
 
-    def work(block):
-        low, high = np.searchsorted(texel, [block.first, block.stop])
+    def work(block, own):
         _collect(
-            block,
-            observations.view,
-            observations.pixel,
-            shape,
-            texel[low:high],
-            offsets[low],
+            block, observations.view, observations.pixel, shape, texel[own], offsets[own.start],
             *columns,
-        )
+        )  # fmt: skip
 
-    observations.store.map(work)
+    observations.store.map_texels(work, texel)
     return FitSamples(texel, material.astype(np.int32), offsets, *columns)
 
 

@@ -10,24 +10,11 @@ from numba import njit
 
 from ..samples.observations import Observations
 from .elimination import Profile, eliminate, profile
-from .fit_samples import FitSamples
+from .fit_samples import FitSamples, longest
 from .lights import Light
+from .lobes import add_blurred
 from .phong import cast_shadows, lamps, light_texels
-from .pixel_blur import along_and_across, blurred_lobe
 from .shadow_edges import kept, shadow_edges
-
-
-@njit(cache=True, nogil=True)
-def sample_lobe(r, blur, rays, gains, alpha):
-    """φ = Σ_k g_k V_k (l_k·r)₊^α of one sample, blurred by its pixel."""
-    s1, total = blur[0] * blur[0] + blur[1] * blur[1] + blur[2] * blur[2], 0.0
-    for k in range(len(gains)):
-        if gains[k] > 0:
-            cos = rays[k, 0] * r[0] + rays[k, 1] * r[1] + rays[k, 2] * r[2]
-            if cos > 0:
-                u1, u2 = along_and_across(cos, blur[0], blur[1], blur[2], rays[k], s1)
-                total += gains[k] * blurred_lobe(alpha, u1, u2, s1, blur[3])
-    return total
 
 
 @njit(cache=True, nogil=True)
@@ -35,19 +22,24 @@ def _predict(
     first, stop, offsets, material, y, mirror, blur, rays, gains, rho, alpha, w, specular, residual
 ):  # fmt: skip
     """S and e = y − D − S with each texel's D; `w` holds the weights of the round before."""
+    scratch = np.empty((13, longest(offsets, first, stop)), np.float32)
     for i in range(first, stop):
-        m = material[i]
+        m, start, end = material[i], offsets[i], offsets[i + 1]
+        shine = specular[start:end]
+        shine[:] = 0.0
+        if rho[m] > 0:
+            add_blurred(
+                mirror, blur, start, end - start, rays[i], gains[i], alpha[m], scratch, shine
+            )
         top, bottom = 0.0, 0.0
-        for j in range(offsets[i], offsets[i + 1]):
-            s = 0.0
-            if rho[m] > 0:
-                s = rho[m] * sample_lobe(mirror[j], blur[j], rays[i], gains[i], alpha[m])
-            specular[j] = s
-            weight = w[j] / (1.0 + (s * 0.1) ** 2)
-            top += weight * (y[j] - s)
+        for j in range(start, end):
+            specular[j] *= np.float32(rho[m])
+            tenth = np.float32(0.1) * specular[j]
+            weight = w[j] / (np.float32(1) + tenth * tenth)
+            top += weight * (y[j] - specular[j])
             bottom += weight
         diffuse = top / bottom if bottom > 0 else 0.0
-        for j in range(offsets[i], offsets[i + 1]):
+        for j in range(start, end):
             residual[j] = y[j] - diffuse - specular[j] if bottom > 0 else 0.0
 
 

@@ -81,7 +81,7 @@ def fit(
     footprint: float,
     *,
     rounds: int = 10,
-    samples: int = 6_000_000,
+    samples: int = 2_000_000,
     near: bool = True,
     long: bool = True,
     censoring: bool = True,
@@ -164,13 +164,13 @@ def fit(
             if r == min(SETTLE, rounds - 1):
                 lights, free = _settle(lights, free, error, notes)
                 if long:
-                    few = gather(pool, samples // 8)
+                    few = gather(pool, samples // 4)
                     lights = fit_lengths(lights, _trial(few, lights, rho, alpha))
                     before, samples = samples, affordable(most, lights)
                     if samples != before:
                         state = renewed(pool)
                 if lens and observations.shape is not None:
-                    few = gather(pool, samples // 8)
+                    few = gather(pool, samples // 4)
                     blur = fit_blur(_blurred(few, lights, rho, alpha))
                     state.samples = state.samples.blurred(blur)
                     if blur > 1:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
+from .fit_samples import longest
 from .fit_state import FitState
 
 
@@ -32,10 +33,7 @@ def _hear(
     first, stop, offsets, material, mirror, w, residual, rays, gains, owner, rho, alpha, noise, sums
 ):  # fmt: skip
     """Add to sums (K, 4): texels, those better with the light, Σwẽ² without and with it."""
-    longest = 0
-    for i in range(first, stop):
-        longest = max(longest, offsets[i + 1] - offsets[i])
-    own = np.empty(longest)
+    own = np.empty(longest(offsets, first, stop))
     for i in range(first, stop):
         m = material[i]
         if not rho[m] > 0:

@@ -143,7 +143,7 @@ def complete_lights(
     turn: np.ndarray,
     footprint: float,
     *,
-    samples: int = 6_000_000,
+    samples: int = 2_000_000,
     curvature: float = 0.8,
     **options,
 ) -> tuple[list[Light], list[str]]:
@@ -164,7 +164,7 @@ def complete_lights(
 
     def fitted(guess: list[Light]) -> JointFit:
         return fit(
-            observations, material, guess, turn, footprint, samples=samples // 10,
+            observations, material, guess, turn, footprint, samples=samples // 4,
             curvature=curvature, **options,
         )  # fmt: skip
 
@@ -207,7 +207,7 @@ def _others(
     rho, alpha = np.nan_to_num(rho), np.nan_to_num(alpha, nan=1.0)
     limits = flat_limits(np.maximum(alpha, FIRST_ALPHA), curvature, footprint)
     counts = observations.store.counts()
-    chosen, _ = choose_texels(material, counts, turn, limits, samples // 30, offset=1)
+    chosen, _ = choose_texels(material, counts, turn, limits, samples // 10, offset=1)
     taken = collect(observations, chosen, material[chosen])
     state = FitState(observations, taken, len(rho), pool)
     state.light(found.lights)

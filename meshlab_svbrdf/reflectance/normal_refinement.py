@@ -18,7 +18,7 @@ from ..samples.observations import (
     sample_luminance,
     sample_quality,
 )
-from .fit_samples import is_clipped
+from .fit_samples import is_clipped, longest
 from .lights import Light
 from .phong import cast_shadows, lamps, light_texel
 from .pixel_blur import along_and_across, blurred_lobe, pixel_blur
@@ -28,6 +28,8 @@ SIGMAS = np.radians([0.25, 0.5, 1.0, 2.0, 4.0])
 WORTHWHILE = 0.05
 """Share of the residual's variance on unseen samples that corrections must take away."""
 STEPS = 4
+LEAST = 16
+"""Samples of a texel, below which its normal is kept."""
 ALL, FIRST, SECOND = 0, 1, 2
 
 
@@ -123,27 +125,23 @@ def _variance(e, w, n):
 
 @njit(cache=True, nogil=True)
 def _refine(
-    block, view, pixel, shape, stride, material, rho, alpha, noise, bulbs, sigma, half, normals,
+    block, texel, view, pixel, shape, material, rho, alpha, noise, bulbs, sigma, half, normals,
     sums,
 ):  # fmt: skip
-    """Correct the normals of every `stride`-th texel; sums: residual on the other half before and
+    """Correct the normals of the block's texels; sums: residual on the other half before and
     after, and how many texels show a highlight."""
     count = len(bulbs.gain)
     rays, gains = np.empty((count, 3), np.float32), np.empty(count, np.float32)
     coefficients = np.empty(36, np.float32)
-    longest = 0
-    for i in range(block.stop - block.first):
-        longest = max(longest, block.offsets[i + 1] - block.offsets[i])
-    e, s, w, test = np.empty(longest), np.empty(longest), np.empty(longest), np.empty(longest)
-    slope, mean = np.empty((longest, 3)), np.empty(2)
+    most = longest(block.offsets, 0, block.stop - block.first)
+    e, s, w, test = np.empty(most), np.empty(most), np.empty(most), np.empty(most)
+    slope, mean = np.empty((most, 3)), np.empty(2)
     normal, start = np.empty(3), np.empty(3)
     u, v = np.empty(3), np.empty(3)
     for i in range(block.stop - block.first):
-        t, first = block.first + i, block.offsets[i]
+        t, first = texel[i], block.offsets[i]
         n = block.offsets[i + 1] - first
         m = material[t]
-        if t % stride != 0 or m < 0 or not rho[m] > 0 or n < 16:
-            continue
         light_texel(view, t, bulbs, coefficients, rays, gains)
         for axis in range(3):
             start[axis] = normal[axis] = view.normal[t, axis]
@@ -235,44 +233,45 @@ def refine_normals(
     trial_texels : about how many texels the prior is chosen on: half of their samples correct, the
         other half judge
     """
-    view, count = observations.view, len(observations.texels)
-    everywhere = np.arange(count)
-    bulbs = lamps(
-        lights, observations.texels.radius, cast_shadows(observations, everywhere, lights)
-    )
+    view = observations.view
     rho = np.nan_to_num(np.asarray(rho_s, np.float64))
     shininess = np.nan_to_num(np.asarray(alpha, np.float64), nan=1.0)
     shape = (
         observations.shape if observations.shape is not None else np.zeros((0, 3, 3), np.float32)
     )
     kept = NormalRefinement(view.normal, 0.0, 0.0, 0.0)
-    if not (rho > 0).any():
-        return kept
+    glossy = (observations.store.counts() >= LEAST) & (material >= 0)
+    glossy[glossy] = rho[material[glossy]] > 0
+    texels = np.flatnonzero(glossy)
 
-    def run(stride: int, sigma: float, half: int, tell) -> tuple[np.ndarray, np.ndarray]:
+    def run(texels: np.ndarray, sigma: float, half: int, tell) -> tuple[np.ndarray, np.ndarray]:
         normals = view.normal.copy()
+        bulbs = lamps(
+            lights, observations.texels.radius, cast_shadows(observations, texels, lights)
+        )
 
-        def work(block):
+        def work(block, own):
             sums = np.zeros(3)
             _refine(
-                block, view, observations.pixel, shape, stride, material, rho, shininess,
+                block, texels[own], view, observations.pixel, shape, material, rho, shininess,
                 np.asarray(noise, np.float64), bulbs, sigma, half, normals, sums,
             )  # fmt: skip
             return sums
 
-        return normals, sum(observations.store.map(work, tell), np.zeros(3))
+        parts = observations.store.map_texels(work, texels, tell)
+        return normals, sum(parts, np.zeros(3))
 
     # Raise the prior as long as the other half of the film is predicted better
-    stride, best, gain = max(1, count // trial_texels), 0.0, 0.0
-    for sigma in SIGMAS:
-        before, after, _ = run(stride, sigma, FIRST, lambda d, t: None)[1]
+    trial, best, gain = texels[:: max(1, len(material) // trial_texels)], 0.0, 0.0
+    for sigma in SIGMAS if len(trial) else ():
+        before, after, _ = run(trial, sigma, FIRST, lambda d, t: None)[1]
         took = 1 - after / before if before > 0 else 0.0
         if took <= gain:
             break
         best, gain = float(sigma), float(took)
     if gain < WORTHWHILE:
         return replace(kept, gain=gain)
-    normals, _ = run(1, best, ALL, progress)
+    normals, _ = run(texels, best, ALL, progress)
     chord = np.linalg.norm(normals - view.normal, axis=1)
     turned = float(np.median(chord[chord > 0])) if (chord > 0).any() else 0.0
     return NormalRefinement(normals, best, gain, turned)

@@ -38,11 +38,10 @@ class Gathered(NamedTuple):
 
 
 @njit(cache=True, nogil=True)
-def _gather(block, view, texel, start, frame, y, rgb, quality, ray):
-    """Copy the samples of some texels of a block, from `start` on."""
+def _gather(block, places, view, texel, start, frame, y, rgb, quality, ray):
+    """Copy the samples of some texels, at `places` in a block, from `start` on."""
     n = start
-    for t in texel:
-        i = t - block.first
+    for i, t in zip(places, texel):  # noqa: B905
         for j in range(block.offsets[i], block.offsets[i + 1]):
             f = block.frame[j]
             frame[n] = f
@@ -70,7 +69,7 @@ def _empty(sizes: np.ndarray) -> Gathered:
 def gather_block(block, observations: Observations, texel: np.ndarray) -> Gathered:
     """The samples of those texels of one block."""
     out = _empty(np.diff(block.offsets)[texel - block.first])
-    _gather(block, observations.view, texel, 0, *out[1:])
+    _gather(block, texel - block.first, observations.view, texel, 0, *out[1:])
     return out
 
 
@@ -78,11 +77,11 @@ def gather(observations: Observations, texel: np.ndarray) -> Gathered:
     """The samples of some texels (n,), ascending."""
     out = _empty(observations.store.counts()[texel])
 
-    def work(block):
-        low, high = np.searchsorted(texel, [block.first, block.stop])
-        _gather(block, observations.view, texel[low:high], out.offsets[low], *out[1:])
+    def work(block, own):
+        places = np.arange(own.stop - own.start)
+        _gather(block, places, observations.view, texel[own], out.offsets[own.start], *out[1:])
 
-    observations.store.map(work)
+    observations.store.map_texels(work, texel)
     return out
 
 

@@ -7,7 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from ..samples.observations import Observations, color, sample_luminance, sample_quality
+from ..samples.observations import (
+    Observations,
+    color,
+    longest_history,
+    relative_luminance,
+)
 
 MINIMUM_SAMPLES = 8
 """Texels with fewer samples are unobserved."""
@@ -34,31 +39,27 @@ class LuminanceStatistics:
         return np.isfinite(self.threshold)
 
 
-@njit(cache=True, nogil=True)
-def _threshold(block, view, minimum_quality, least, threshold, mean, minimum, rgb, samples):
+@njit(cache=True, nogil=True, error_model="numpy")
+def _threshold(block, view, cut, least, threshold, mean, minimum, rgb, samples):
+    """cut : quality, 0..127"""
+    ys = np.empty(longest_history(block), np.float32)
     for i in range(block.stop - block.first):
-        first, stop = block.offsets[i], block.offsets[i + 1]
-        total, red, green, blue, low, n = 0.0, 0.0, 0.0, 0.0, np.inf, 0
-        for j in range(first, stop):
-            if sample_quality(block, j) >= minimum_quality:
+        red, green, blue, total, low, n = 0.0, 0.0, 0.0, 0.0, np.float32(np.inf), 0
+        for j in range(block.offsets[i], block.offsets[i + 1]):
+            if block.quality[j] & 127 >= cut:
                 r, g, b = color(block, view, j)
-                y = sample_luminance(block, view, j)
-                total, red, green, blue, low, n = (
-                    total + y,
-                    red + r,
-                    green + g,
-                    blue + b,
-                    min(low, y),
-                    n + 1,
-                )
+                y = relative_luminance(r, g, b)
+                red, green, blue, total = red + r, green + g, blue + b, total + y
+                low = min(low, y)
+                ys[n] = y
+                n += 1
         t = block.first + i
         samples[t] = n
         if n < least:
             continue
         mu, deviation = total / n, 0.0
-        for j in range(first, stop):
-            if sample_quality(block, j) >= minimum_quality:
-                deviation += abs(sample_luminance(block, view, j) - mu)
+        for j in range(n):
+            deviation += abs(ys[j] - mu)
         threshold[t], mean[t], minimum[t] = mu + deviation / n, mu, low
         rgb[t, 0], rgb[t, 1], rgb[t, 2] = red / n, green / n, blue / n
 
@@ -73,7 +74,7 @@ def luminance_threshold(
     count = len(observations.texels)
     threshold, mean, minimum = (np.full(count, np.nan, np.float32) for _ in range(3))
     rgb, samples = np.full((count, 3), np.nan, np.float32), np.zeros(count, np.int32)
-    cut = np.float32(np.rint(minimum_quality * 127) / 127)
+    cut = int(np.rint(minimum_quality * 127))
 
     def work(block):
         _threshold(

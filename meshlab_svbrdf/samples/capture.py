@@ -10,7 +10,8 @@ from numba import njit
 
 from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
-from ..geometry.raster import rasterise
+from ..geometry.raster import rasterise_depth
+from ..geometry.texel_groups import GROUP, faces_away, group_texels
 from ..geometry.texels import Texels
 from .luminance import decode, encode
 
@@ -39,104 +40,128 @@ class Quality:
     cut: float = 0.1
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _mark_jumps(inverse_depth, step, smooth):
     """Clear `smooth` without surface, and on both sides of a depth step or a silhouette.
 
-    A silhouette's own pixels hold some background: leaving them in costs .1 ΔE of D.
+    A silhouette's own pixels hold some background: leaving them in costs .1 ΔE of D. The outermost
+    pixels are neighbours only.
     """
     height, width = inverse_depth.shape
     for row in range(height):
         for col in range(width):
+            smooth[row, col] &= inverse_depth[row, col] > 0
+    for row in range(1, height - 1):
+        for col in range(1, width - 1):
             w = inverse_depth[row, col]
-            if w <= 0.0:
-                smooth[row, col] = 0
-            for dr, dc in ((0, 1), (1, 0)):
-                r, c = row + dr, col + dc
-                if r < height and c < width:
-                    o = inverse_depth[r, c]
-                    if w <= 0.0 and o <= 0.0:
-                        continue
-                    if w <= 0.0 or o <= 0.0 or abs(1.0 / w - 1.0 / o) > step:
-                        smooth[row, col] = 0
-                        smooth[r, c] = 0
+            n, s = inverse_depth[row - 1, col], inverse_depth[row + 1, col]
+            e, o = inverse_depth[row, col + 1], inverse_depth[row, col - 1]
+            # |1/w − 1/o| ≤ step, without dividing
+            limit = step * w
+            smooth[row, col] &= (
+                (abs(n - w) <= limit * n)
+                & (abs(s - w) <= limit * s)
+                & (abs(e - w) <= limit * e)
+                & (abs(o - w) <= limit * o)
+            )
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
+def _project(
+    position, normal, first, count, R, t, intrinsics, eye, size, cut, reference_depth, out
+):  # fmt: skip
+    """Project `count` texels from `first` on: rows of `out` (5, GROUP) are column, row, depth,
+    cosine, and the quality that depth and angle leave, 0 where the camera cannot see them."""
+    # The compiler makes this loop eight texels wide if all that it reads are slices and numbers
+    fx, fy, cx, cy = intrinsics
+    width, height = size
+    ex, ey, ez = eye[0], eye[1], eye[2]
+    r00, r01, r02, tx = R[0, 0], R[0, 1], R[0, 2], t[0]
+    r10, r11, r12, ty = R[1, 0], R[1, 1], R[1, 2], t[1]
+    r20, r21, r22, tz = R[2, 0], R[2, 1], R[2, 2], t[2]
+    stop = first + count
+    px, py, pz = position[0, first:stop], position[1, first:stop], position[2, first:stop]
+    nx, ny, nz = normal[0, first:stop], normal[1, first:stop], normal[2, first:stop]
+    column, row, depth, cosine, left = out[0], out[1], out[2], out[3], out[4]
+    zero, one = np.float32(0), np.float32(1)
+    for k in range(count):
+        vx, vy, vz = ex - px[k], ey - py[k], ez - pz[k]
+        facing = vx * nx[k] + vy * ny[k] + vz * nz[k]
+        cos = facing / np.sqrt(vx * vx + vy * vy + vz * vz)
+        z = r20 * px[k] + r21 * py[k] + r22 * pz[k] + tz
+        x = fx * (r00 * px[k] + r01 * py[k] + r02 * pz[k] + tx) / z + cx
+        y = fy * (r10 * px[k] + r11 * py[k] + r12 * pz[k] + ty) / z + cy
+        near = min(reference_depth / z, one)
+        quality = near * near * cos
+        seen = (cos > 0) & (z > 0) & (x >= 0) & (y >= 0) & (x < width) & (y < height)
+        column[k], row[k], depth[k], cosine[k] = x, y, z, cos
+        left[k] = quality if seen & (quality >= cut) else zero
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def _sample(
-    position, normal, R, t, intrinsics, eye, image, inverse_depth, distance,
+    position, normal, groups, R, t, intrinsics, eye, image, inverse_depth, distance, origin,
     to_linear, to_code, border, occlusion, reference_depth, cut,
     out_texel, out_rgb, out_quality,
 ):  # fmt: skip
-    """Test, weigh and sample every texel, in their order; returns how many are seen."""
-    height, width = inverse_depth.shape
-    fx, fy, cx, cy = intrinsics
-    steps = len(to_code) - 1
+    """Test, weigh and sample the texels, in their order; returns how many are seen.
+
+    inverse_depth and distance are crops of the image from column and row `origin` on.
+    """
+    steps = np.float32(len(to_code) - 1)
+    one, half = np.float32(1), np.float32(0.5)
+    right, bottom = np.float32(image.shape[1] - 1), np.float32(image.shape[0] - 1)
+    projected = np.empty((5, GROUP), np.float32)
+    pixels = image.ravel()  # unsigned offsets into it need no test for negative ones
+    right_of, below = np.uint64(3), np.uint64(3 * image.shape[1])
     n = 0
-    for i in range(position.shape[0]):
-        # Skip what faces away, then what falls outside the image
-        vx, vy, vz = eye[0] - position[i, 0], eye[1] - position[i, 1], eye[2] - position[i, 2]
-        facing = vx * normal[i, 0] + vy * normal[i, 1] + vz * normal[i, 2]
-        if facing <= 0.0:
+    for g in range(len(groups.radius)):
+        if faces_away(groups, g, eye, cut):
             continue
-        cos = facing / np.sqrt(vx * vx + vy * vy + vz * vz)
-        if cos < cut:
-            continue
-        z = R[2, 0] * position[i, 0] + R[2, 1] * position[i, 1] + R[2, 2] * position[i, 2] + t[2]
-        if z <= 0.0:
-            continue
-        x = (
-            fx
-            * (
-                R[0, 0] * position[i, 0]
-                + R[0, 1] * position[i, 1]
-                + R[0, 2] * position[i, 2]
-                + t[0]
-            )
-            / z
-            + cx
-        )
-        y = (
-            fy
-            * (
-                R[1, 0] * position[i, 0]
-                + R[1, 1] * position[i, 1]
-                + R[1, 2] * position[i, 2]
-                + t[1]
-            )
-            / z
-            + cy
-        )
-        if not (x >= 0.0 and y >= 0.0 and x < width - 1 and y < height - 1):
-            continue
-        # Weigh by distance to the border, depth and angle
-        col, row = int(x + 0.5), int(y + 0.5)
-        d = min(distance[row, col], min(min(x, width - 1 - x), min(y, height - 1 - y)) + 0.5)
-        near = min(reference_depth / z, 1.0)
-        quality = min(d / border, 1.0) * near * near * cos
-        if quality < cut or not quality > 0.0:
-            continue
-        # Test whether something lies before it
-        w = inverse_depth[row, col]
-        if w <= 0.0 or z - 1.0 / w > occlusion / cos:
-            continue
-        # Sample bilinearly in linear light
-        c0, r0 = int(x), int(y)
-        a, b = x - c0, y - r0
-        clipped = False
-        for channel in range(3):
-            p00, p01 = image[r0, c0, channel], image[r0, c0 + 1, channel]
-            p10, p11 = image[r0 + 1, c0, channel], image[r0 + 1, c0 + 1, channel]
-            clipped |= p00 >= CLIPPED or p01 >= CLIPPED or p10 >= CLIPPED or p11 >= CLIPPED
-            linear = (1.0 - b) * ((1.0 - a) * to_linear[p00] + a * to_linear[p01]) + b * (
-                (1.0 - a) * to_linear[p10] + a * to_linear[p11]
-            )
-            out_rgb[n, channel] = to_code[int(linear * steps + 0.5)]
-        out_texel[n] = i
-        out_quality[n] = np.uint8(quality * 127.0 + 0.5) | (
-            np.uint8(128) if clipped else np.uint8(0)
-        )
-        n += 1
+        first = g * GROUP
+        count = min(GROUP, position.shape[1] - first)
+        _project(
+            position, normal, first, count, R, t, intrinsics, eye, (right, bottom), cut,
+            reference_depth, projected,
+        )  # fmt: skip
+        for k in range(count):
+            if projected[4, k] <= 0:
+                continue
+            # Test whether something lies before it
+            x, y, z = projected[0, k], projected[1, k], projected[2, k]
+            col, row = np.int64(x + half) - origin[0], np.int64(y + half) - origin[1]
+            if not (0 <= row < inverse_depth.shape[0] and 0 <= col < inverse_depth.shape[1]):
+                continue
+            w = inverse_depth[row, col]
+            if w <= 0 or (z - one / w) * projected[3, k] > occlusion:
+                continue
+            # Weigh by the distance to the border too
+            d = min(distance[row, col], min(min(x, right - x), min(y, bottom - y)) + half)
+            quality = min(d / border, one) * projected[4, k]
+            if quality < cut or not quality > 0:
+                continue
+            # Sample bilinearly in linear light
+            c0, r0 = np.int64(x), np.int64(y)
+            a, b = x - np.float32(c0), y - np.float32(r0)
+            w00, w01 = (one - b) * (one - a), (one - b) * a
+            w10, w11 = b * (one - a), b * a
+            at = np.uint64((r0 * image.shape[1] + c0) * 3)
+            brightest = np.uint8(0)
+            for channel in (np.uint64(0), np.uint64(1), np.uint64(2)):
+                p00, p01 = pixels[at + channel], pixels[at + right_of + channel]
+                p10, p11 = pixels[at + below + channel], pixels[at + below + right_of + channel]
+                brightest = max(brightest, max(max(p00, p01), max(p10, p11)))
+                linear = (
+                    w00 * to_linear[p00]
+                    + w01 * to_linear[p01]
+                    + w10 * to_linear[p10]
+                    + w11 * to_linear[p11]
+                )
+                out_rgb[n, channel] = to_code[np.uint64(linear * steps + half)]
+            out_texel[n] = first + k
+            clipped = np.uint8(128) if brightest >= CLIPPED else np.uint8(0)
+            out_quality[n] = np.uint8(quality * np.float32(127) + half) | clipped
+            n += 1
     return n
 
 
@@ -167,8 +192,15 @@ class FrameSampler:
         self, mesh: Mesh, texels: Texels, reference_depth: float, quality: Quality | None = None
     ):
         self.texels = texels
+        self.position, self.normal = (
+            np.array(values.T, np.float32, order="C") for values in (texels.position, texels.normal)
+        )
+        self.groups = group_texels(texels)
         self.vertices = mesh.vertices - texels.center
         self.faces = mesh.faces
+        self.front = -mesh.winding() if mesh.is_closed() else 0
+        low, high = self.vertices.min(0), self.vertices.max(0)
+        self.box = np.stack(np.meshgrid(*np.stack([low, high], 1)), -1).reshape(-1, 3)
         self.reference_depth = reference_depth
         self.quality = quality or Quality()
 
@@ -199,20 +231,45 @@ class FrameSampler:
         if mask is not None and mask.shape != size:
             raise ValueError(f"mask: expected {size} as the camera says, not {mask.shape}")
         camera = camera.about(texels.center)
-        inverse_depth, _ = rasterise(self.vertices, self.faces, camera)
-        smooth = np.ones(inverse_depth.shape, np.uint8) if mask is None else mask.astype(np.uint8)
-        _mark_jumps(inverse_depth, q.jump * texels.radius, smooth)
-        distance = cv2.distanceTransform(smooth, cv2.DIST_L2, 3)
-        count = len(texels)
+        left, top, right, bottom = _window(camera, self.box)
+        count = len(texels) if left < right and top < bottom else 0
         texel, rgb = np.empty(count, np.int32), np.empty((count, 3), np.uint8)
         weight = np.empty(count, np.uint8)
+        if count == 0:
+            return texel, rgb, weight
+        # Look where the object is, and one pixel beyond
+        inverse_depth = rasterise_depth(
+            self.vertices, self.faces, camera.cropped(left, top, right, bottom), self.front
+        )
+        smooth = np.ones(inverse_depth.shape, np.uint8)
+        if mask is not None:
+            inside = np.s_[max(top, 0) : bottom, max(left, 0) : right]
+            smooth[max(-top, 0) :, max(-left, 0) :][
+                : mask[inside].shape[0], : mask[inside].shape[1]
+            ] = mask[inside]
+        _mark_jumps(inverse_depth, np.float32(q.jump * texels.radius), smooth)
+        distance = cv2.distanceTransform(smooth, cv2.DIST_L2, 3)
         n = _sample(
-            texels.position, texels.normal,
+            self.position, self.normal, self.groups,
             camera.R.astype(np.float32), camera.t.astype(np.float32),
             np.array([camera.fx, camera.fy, camera.cx, camera.cy], np.float32),
             camera.center.astype(np.float32), np.ascontiguousarray(image), inverse_depth, distance,
-            _TO_LINEAR, _TO_CODE, np.float32(q.border * camera.width / 640),
+            (left, top), _TO_LINEAR, _TO_CODE, np.float32(q.border * camera.width / 640),
             np.float32(q.occlusion * texels.radius), np.float32(self.reference_depth),
             np.float32(q.cut), texel, rgb, weight,
         )  # fmt: skip
         return texel[:n].copy(), rgb[:n].copy(), weight[:n].copy()
+
+
+def _window(camera: Camera, box: np.ndarray) -> tuple[int, int, int, int]:
+    """Left, top, right, bottom of the pixels (half open) that a box's 8 corners (8, 3) enclose,
+    one pixel around, from −1 to one beyond the image."""
+    x, y, z = camera.project(box).T
+    if z.min() <= 0:
+        return -1, -1, camera.width + 1, camera.height + 1
+    left, top = (max(int(np.floor(min(v.min(), 1e9))) - 1, -1) for v in (x, y))
+    right, bottom = (
+        min(int(np.ceil(max(v.max(), -1e9))) + 2, size + 1)
+        for v, size in ((x, camera.width), (y, camera.height))
+    )
+    return left, top, right, bottom

@@ -15,6 +15,9 @@ from ..geometry.visibility import Rays
 from .luminance import decode
 from .store import SampleStore
 
+VISIBLE = np.float32(0.25)
+"""Visibility, as the harmonics have it, up to which nothing is seen."""
+
 
 class View(NamedTuple):
     """The arrays that kernels read, as one argument.
@@ -121,7 +124,7 @@ def with_normals(observations: Observations, normal: np.ndarray) -> Observations
     )
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def color(block, view, j):
     """Sample j's linear RGB, 0..100 of the median exposure."""
     f = block.frame[j]
@@ -132,20 +135,35 @@ def color(block, view, j):
     )
 
 
-@njit(cache=True, nogil=True)
-def sample_luminance(block, view, j):
-    """Sample j's linear Y (Rec. 709), 0..100 of the median exposure."""
-    r, g, b = color(block, view, j)
+@njit(cache=True, nogil=True, error_model="numpy")
+def relative_luminance(r, g, b):
+    """Linear Y (Rec. 709) of a linear colour."""
     return np.float32(0.2126) * r + np.float32(0.7152) * g + np.float32(0.0722) * b
 
 
+@njit(cache=True, nogil=True, error_model="numpy")
+def sample_luminance(block, view, j):
+    """Sample j's linear Y (Rec. 709), 0..100 of the median exposure."""
+    r, g, b = color(block, view, j)
+    return relative_luminance(r, g, b)
+
+
 @njit(cache=True, nogil=True)
+def longest_history(block):
+    """Samples of the texel of a block that has most of them."""
+    longest = 0
+    for i in range(block.stop - block.first):
+        longest = max(longest, block.offsets[i + 1] - block.offsets[i])
+    return longest
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def sample_quality(block, j):
     """Sample j's quality in 0..1, without the clipping bit."""
     return np.float32(block.quality[j] & 127) / np.float32(127)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def mirror_direction(view, i, f):
     """r = 2 (n·v) n − v of texel i seen from frame f; unit."""
     vx, vy, vz = (
@@ -160,7 +178,25 @@ def mirror_direction(view, i, f):
     return twice * nx - vx, twice * ny - vy, twice * nz - vz
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
+def mirrors(view, i, frame, x, y, z):
+    """`mirror_direction` of texel i seen from some frames (n,), to x, y, z (n,) float32."""
+    n = len(frame)
+    nx, ny, nz = view.normal[i, 0], view.normal[i, 1], view.normal[i, 2]
+    px, py, pz = view.position[i, 0], view.position[i, 1], view.position[i, 2]
+    for j in range(n):
+        x[j] = view.eyes[frame[j], 0] - px
+        y[j] = view.eyes[frame[j], 1] - py
+        z[j] = view.eyes[frame[j], 2] - pz
+    for j in range(n):
+        scale = np.float32(1) / np.sqrt(x[j] * x[j] + y[j] * y[j] + z[j] * z[j])
+        twice = np.float32(2) * (nx * x[j] + ny * y[j] + nz * z[j]) * scale
+        x[j], y[j], z[j] = (
+            twice * nx - x[j] * scale, twice * ny - y[j] * scale, twice * nz - z[j] * scale,
+        )  # fmt: skip
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def fill_visibility(view, i, out):
     """Texel i's 36 visibility coefficients to `out`; False where all is visible."""
     if view.coefficients.shape[0] == 0:
@@ -174,9 +210,9 @@ def fill_visibility(view, i, out):
     return True
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def visibility(has, coefficients, x, y, z):
     """Remapped visibility clip((V − .25) / .5, 0, 1) along a direction above the horizon."""
     if not has:
         return np.float32(1)
-    return np.float32(min(max((evaluate(coefficients, x, y, z) - 0.25) * 2.0, 0.0), 1.0))
+    return np.float32(min(max((evaluate(coefficients, x, y, z) - VISIBLE) * 2.0, 0.0), 1.0))

@@ -1,9 +1,10 @@
 """The sample store: frames are projected once, and every texel's history is read in one piece.
 
-On disk a store is a folder of chunks of at most 256 frames. A chunk holds its samples texel-major
-(CSR): `offsets` (T+1) uint32, and per sample `frame` uint8 (within the chunk), `rgb` 3 × uint8
-(sRGB) and `quality` uint8 (7 bits, the top bit marks clipped): 5 bytes a sample. Readers get
-blocks of texels whose samples are the concatenation of a few slices, in the order of the frames.
+A store is chunks of at most 256 frames (samples/chunks.py), 5 bytes a sample. Readers get blocks of
+texels whose samples are the concatenation of a few slices, in the order of the frames.
+
+write_store   project every frame; runs of frames that an earlier store has are taken from it
+SampleStore   read blocks of texels, or some texels, on all cores
 """
 
 from __future__ import annotations
@@ -12,16 +13,17 @@ import json
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from itertools import pairwise
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numba import njit
 
 from ..threads import thread_count
+from .chunks import COLUMNS, MOST_FRAMES, Chunk, FileChunk, SampledFrame, transpose
 
-_COLUMNS = {"frame": (np.uint8, ()), "rgb": (np.uint8, (3,)), "quality": (np.uint8, ())}
-
+DESCRIPTION = "store.json"
 
 Result = TypeVar("Result")
 
@@ -42,23 +44,6 @@ class Block(NamedTuple):
 
 
 @njit(cache=True, nogil=True)
-def _count(texel, counts):
-    for i in range(len(texel)):
-        counts[texel[i]] += 1
-
-
-@njit(cache=True, nogil=True)
-def _scatter(texel, frame, rgb, quality, cursor, out_frame, out_rgb, out_quality):
-    """Append one frame's samples to their texels' runs."""
-    for i in range(len(texel)):
-        k = cursor[texel[i]]
-        cursor[texel[i]] = k + 1
-        out_frame[k] = frame
-        out_rgb[k, 0], out_rgb[k, 1], out_rgb[k, 2] = rgb[i, 0], rgb[i, 1], rgb[i, 2]
-        out_quality[k] = quality[i]
-
-
-@njit(cache=True, nogil=True)
 def _gather(
     offsets, base, frame, rgb, quality, first_frame, cursor, out_frame, out_rgb, out_quality
 ):
@@ -73,101 +58,174 @@ def _gather(
         cursor[i] = k
 
 
-SampledFrame = tuple[np.ndarray, np.ndarray, np.ndarray]
+@njit(cache=True, nogil=True)
+def _gather_texels(
+    low, high, frame, rgb, quality, first_frame, cursor, out_frame, out_rgb, out_quality
+):
+    """As `_gather`, of texels whose slices low..high lie apart."""
+    for i in range(len(cursor)):
+        k = cursor[i]
+        for j in range(low[i], high[i]):
+            out_frame[k] = first_frame + frame[j]
+            out_rgb[k, 0], out_rgb[k, 1], out_rgb[k, 2] = rgb[j, 0], rgb[j, 1], rgb[j, 2]
+            out_quality[k] = quality[j]
+            k += 1
+        cursor[i] = k
+
+
+Found = tuple[Chunk, np.ndarray]
+"""A chunk, and how many samples each of its frames has."""
 
 
 def write_store(
-    folder: Path,
+    folder: Path | None,
     texels: int,
     frames: int,
     sample: Callable[[int], SampledFrame],
     *,
-    memory: int = 256 << 20,
+    names: Sequence[str] | None = None,
+    earlier: Sequence[SampleStore] = (),
+    memory: int = 128 << 20,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> SampleStore:
     """Project every frame and write the store.
 
+    After each chunk the folder holds a whole store of the frames so far, `earlier` to the next run.
+
     Parameters
     ----------
-    folder : an empty folder
+    folder : an empty folder; None: the samples stay in memory
     texels, frames : how many there are
     sample : frame index to (texel ascending int32, rgb uint8, quality uint8); called from threads
+    names : of each frame: the same name, the same samples; None: they have none
+    earlier : stores whose chunks are linked where the names of all their frames come in a row
     memory : bytes of samples to hold before a chunk is written
     """
-    chunks: list[int] = []
-    seen = np.zeros(frames, np.int64)
+    names = list(names) if names is not None else [""] * frames
+    if len(names) != frames:
+        raise ValueError(f"names: expected one for each of the {frames} frames")
+    store = SampleStore(texels, [], names=[], seen=[])
     with ThreadPoolExecutor(thread_count()) as pool:
-        held: list[SampledFrame] = []
-        ahead = 2 * thread_count()
-        pending = [pool.submit(sample, f) for f in range(min(ahead, frames))]
-        for f in range(frames):
-            held.append(pending.pop(0).result())
-            if f + ahead < frames:
-                pending.append(pool.submit(sample, f + ahead))
-            seen[f] = len(held[-1][0])
-            size = sum(len(part[0]) for part in held) * 8
-            if size > memory or len(held) == 256 or f == frames - 1:
-                _write_chunk(folder, len(chunks), texels, held)
-                chunks.append(len(held))
-                held = []
-            progress(f + 1, frames)
-    description = {"texels": texels, "frames": frames, "chunks": chunks, "seen": seen.tolist()}
-    (folder / "store.json").write_text(json.dumps(description))
-    return SampleStore(folder)
+
+        def project(first: int, stop: int) -> Iterator[Found]:
+            return _project(
+                pool, sample, first, stop, texels, memory, lambda done: progress(done, frames)
+            )
+
+        for first, stop, taken in _parts(names, texels, earlier):
+            for chunk, seen in [taken] if taken else project(first, stop):
+                if folder is not None:
+                    chunk = chunk.save(folder, len(store.chunks))
+                store.append(chunk, seen, names[store.frames : store.frames + len(seen)])
+                if folder is not None:
+                    store.describe(folder)
+            if taken:
+                progress(stop, frames)
+    if folder is not None:
+        store.describe(folder)
+    return store
 
 
-def _write_chunk(folder: Path, index: int, texels: int, held: Sequence[SampledFrame]) -> None:
-    """Transpose the held frames to texel-major and write them."""
-    counts = np.zeros(texels + 1, np.uint32)
-    for texel, _, _ in held:
-        _count(texel, counts[1:])
-    offsets = np.cumsum(counts, dtype=np.uint32)
-    total = int(offsets[-1])
-    columns = {name: np.empty((total, *shape), dtype) for name, (dtype, shape) in _COLUMNS.items()}
-    cursor = offsets[:-1].copy()
-    for local, (texel, rgb, quality) in enumerate(held):
-        _scatter(
-            texel, local, rgb, quality, cursor, columns["frame"], columns["rgb"], columns["quality"]
+def _parts(
+    names: Sequence[str], texels: int, earlier: Sequence[SampleStore]
+) -> Iterator[tuple[int, int, Found | None]]:
+    """Runs first..stop of the frames: a chunk of an earlier store, or None where there is none."""
+    known = {
+        tuple(store.names[first : first + chunk.frames]): (
+            chunk,
+            store.seen[first : first + chunk.frames],
         )
-    np.save(folder / f"chunk{index:04d}.offsets.npy", offsets)
-    for name, column in columns.items():
-        np.save(folder / f"chunk{index:04d}.{name}.npy", column)
+        for store in earlier
+        if store.texels == texels
+        for first, chunk in store.placed()
+        if all(store.names[first : first + chunk.frames])
+    }
+    starts: dict[str, list[tuple[str, ...]]] = {}
+    for run in known:
+        starts.setdefault(run[0], []).append(run)
+    first = at = 0
+    while at < len(names):
+        runs = (r for r in starts.get(names[at], ()) if tuple(names[at : at + len(r)]) == r)
+        run = max(runs, key=len, default=())
+        if not run:
+            at += 1
+            continue
+        if first < at:
+            yield first, at, None
+        yield at, at + len(run), known[run]
+        first = at = at + len(run)
+    if first < at:
+        yield first, at, None
 
 
-class _Column:
-    """Rows of an array file. Neither mapped nor kept open: many frames make many files."""
-
-    def __init__(self, path: Path):
-        self.path = path
-        array = np.load(path, mmap_mode="r")
-        self.dtype, self.shape, self.start = array.dtype, array.shape[1:], array.offset
-        self.row = array.itemsize * int(np.prod(self.shape))
-
-    def read(self, first: int, stop: int) -> np.ndarray[Any, Any]:
-        """The rows first..stop."""
-        items = (stop - first) * self.row // self.dtype.itemsize
-        flat = np.fromfile(self.path, self.dtype, items, offset=self.start + first * self.row)
-        return flat.reshape(stop - first, *self.shape)
+def _project(
+    pool: ThreadPoolExecutor, sample: Callable[[int], SampledFrame], first: int, stop: int,
+    texels: int, memory: int, done: Callable[[int], None],
+) -> Iterator[Found]:  # fmt: skip
+    """Chunks of the frames first..stop."""
+    held: list[SampledFrame] = []
+    ahead = 2 * thread_count()
+    pending = deque(pool.submit(sample, f) for f in range(first, min(first + ahead, stop)))
+    for f in range(first, stop):
+        held.append(pending.popleft().result())
+        if f + ahead < stop:
+            pending.append(pool.submit(sample, f + ahead))
+        size = 8 * sum(len(texel) for texel, _, _ in held)
+        if size > memory or len(held) == MOST_FRAMES or f == stop - 1:
+            seen = np.array([len(texel) for texel, _, _ in held], np.int64)
+            yield transpose(held, texels, pool), seen
+            held = []
+        done(f + 1)
 
 
 class SampleStore:
-    """Reads what `write_store` wrote; memory stays at a block, whatever the number of frames."""
+    """Chunks in the frames' order; memory stays at a block, whatever the number of frames.
 
-    def __init__(self, folder: Path):
-        self.folder = Path(folder)
-        description = json.loads((self.folder / "store.json").read_text())
-        self.texels: int = description["texels"]
-        self.frames: int = description["frames"]
-        self.seen = np.array(description["seen"], np.int64)
-        self._chunks = []
+    texels, frames : how many there are; seen : (F,) int64, samples of each frame
+    names : what each frame's samples were made from, "" where that is not known
+    """
+
+    def __init__(
+        self, texels: int, chunks: Sequence[Chunk], *, names: Sequence[str], seen: Sequence[int]
+    ) -> None:
+        self.texels = texels
+        self.chunks = list(chunks)
+        self.names = list(names)
+        self.seen = np.array(seen, np.int64)
+
+    @classmethod
+    def open(cls, folder: Path) -> SampleStore:
+        """What `write_store` left in a folder."""
+        told = json.loads((folder / DESCRIPTION).read_text())
+        chunks = [FileChunk(folder, k, size) for k, size in enumerate(told["chunks"])]
+        names = told.get("names", [""] * len(told["seen"]))
+        return cls(told["texels"], chunks, names=names, seen=told["seen"])
+
+    @property
+    def frames(self) -> int:
+        return len(self.seen)
+
+    def append(self, chunk: Chunk, seen: np.ndarray, names: Sequence[str]) -> None:
+        self.chunks.append(chunk)
+        self.seen = np.concatenate([self.seen, seen])
+        self.names += names
+
+    def describe(self, folder: Path) -> None:
+        """Write what `open` reads, whole or not at all."""
+        told = {
+            "texels": self.texels, "chunks": [chunk.frames for chunk in self.chunks],
+            "names": self.names, "seen": self.seen.tolist(),
+        }  # fmt: skip
+        temporary = folder / f".{DESCRIPTION}.part"
+        temporary.write_text(json.dumps(told))
+        temporary.replace(folder / DESCRIPTION)
+
+    def placed(self) -> Iterator[tuple[int, Chunk]]:
+        """Every chunk with its first frame."""
         first = 0
-        for index, size in enumerate(description["chunks"]):
-            columns = {
-                name: _Column(self.folder / f"chunk{index:04d}.{name}.npy")
-                for name in ("offsets", *_COLUMNS)
-            }
-            self._chunks.append((first, columns))
-            first += size
+        for chunk in self.chunks:
+            yield first, chunk
+            first += chunk.frames
 
     def __len__(self) -> int:
         """How many samples there are."""
@@ -176,13 +234,13 @@ class SampleStore:
     def counts(self) -> np.ndarray:
         """Samples per texel, (T,) int64."""
         total = np.zeros(self.texels, np.int64)
-        for _, columns in self._chunks:
-            total += np.diff(columns["offsets"].read(0, self.texels + 1).astype(np.int64))
+        for chunk in self.chunks:
+            total += np.diff(chunk.read("offsets", 0, self.texels + 1).astype(np.int64))
         return total
 
     def read(self, first: int, stop: int) -> Block:
         """The samples of the texels first..stop."""
-        spans = [columns["offsets"].read(first, stop + 1) for _, columns in self._chunks]
+        spans = [chunk.read("offsets", first, stop + 1) for chunk in self.chunks]
         offsets = np.zeros(stop - first + 1, np.int64)
         for span in spans:
             offsets[1:] += np.diff(span.astype(np.int64))
@@ -190,9 +248,9 @@ class SampleStore:
         frame = np.empty(offsets[-1], np.int32)
         rgb, quality = np.empty((offsets[-1], 3), np.uint8), np.empty(offsets[-1], np.uint8)
         cursor = offsets[:-1].copy()
-        for (first_frame, columns), span in zip(self._chunks, spans, strict=True):
+        for (first_frame, chunk), span in zip(self.placed(), spans, strict=True):
             low, high = int(span[0]), int(span[-1])
-            frames, colors, weights = (columns[name].read(low, high) for name in _COLUMNS)
+            frames, colors, weights = (chunk.read(name, low, high) for name in COLUMNS)
             _gather(
                 span, low, frames, colors, weights, first_frame, cursor,
                 frame, rgb, quality,
@@ -234,3 +292,45 @@ class SampleStore:
                     pending.append(pool.submit(lambda a, b: work(self.read(a, b)), first, stop))
                 yield pending.popleft().result()
                 progress(done, len(bounds))
+
+    def read_texels(self, texels: np.ndarray) -> Block:
+        """The samples of some texels (n,), as of the texels 0..n of a smaller store."""
+        low, high = np.empty((2, len(self.chunks), len(texels)), np.int64)
+        for c, chunk in enumerate(self.chunks):
+            offsets = chunk.mapped("offsets")
+            low[c], high[c] = offsets[texels], offsets[texels + 1]
+        offsets = np.concatenate([[0], np.cumsum((high - low).sum(0))])
+        frame = np.empty(offsets[-1], np.int32)
+        rgb, quality = np.empty((offsets[-1], 3), np.uint8), np.empty(offsets[-1], np.uint8)
+        cursor = offsets[:-1].copy()
+        for c, (first_frame, chunk) in enumerate(self.placed()):
+            frames, colors, weights = (chunk.mapped(name) for name in COLUMNS)
+            _gather_texels(
+                low[c], high[c], frames, colors, weights, first_frame, cursor,
+                frame, rgb, quality,
+            )  # fmt: skip
+        return Block(0, len(texels), offsets, frame, rgb, quality)
+
+    def map_texels(
+        self,
+        work: Callable[[Block, slice], Result],
+        texels: np.ndarray,
+        progress: Callable[[int, int], None] = lambda d, t: None,
+        samples: int = 1 << 19,
+    ) -> list[Result]:
+        """`work` on pieces of some texels (n,), ascending, on all cores, and on no others.
+
+        It is given a piece's samples, from `read_texels`, and which of the n texels they are of;
+        results come in the order of the pieces, which depend on the store and the texels alone.
+        """
+        total = np.concatenate([[0], np.cumsum(self.counts()[texels])])
+        cuts = np.searchsorted(total, np.arange(samples, total[-1], samples))
+        edges = np.unique(np.concatenate([[0], cuts, [len(texels)]])).tolist()
+        pieces = [slice(a, b) for a, b in pairwise(edges)]
+        results = []
+        with ThreadPoolExecutor(thread_count()) as pool:
+            found = pool.map(lambda own: work(self.read_texels(texels[own]), own), pieces)
+            for done, result in enumerate(found, 1):
+                results.append(result)
+                progress(done, len(pieces))
+        return results

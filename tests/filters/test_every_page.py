@@ -13,7 +13,12 @@ from meshlab_svbrdf.filter import INPUTS
 
 FILTERS = registry.filters()
 OURS = [name for name, f in FILTERS.items() if f.apply.__module__.startswith("meshlab_svbrdf.")]
-NEEDS = [(name, need) for name in OURS for need in FILTERS[name].needs if need not in INPUTS]
+NEEDS = [(name, need, {}) for name in OURS for need in FILTERS[name].needs if need not in INPUTS]
+NEEDS += [
+    (name, need, {parameter: value})
+    for name in OURS
+    for need, (parameter, value) in FILTERS[name].needs_if.items()
+]
 
 
 @pytest.fixture
@@ -24,13 +29,13 @@ def result(tmp_path_factory, tmp_path) -> Document:
 def test_the_chain_runs_filters_after_those_that_they_need():
     made = set(INPUTS)
     for name in CHAIN:
-        assert set(FILTERS[name].needs) <= made
+        assert {*FILTERS[name].needs, *FILTERS[name].needs_if} <= made
         made |= set(FILTERS[name].writes)
-    assert {product for name in OURS for product in FILTERS[name].writes} <= made
+    assert {need for _, need in NEEDS} <= made
 
 
-@pytest.mark.parametrize(("name", "need"), NEEDS)
-def test_a_missing_stage_is_named(result, name, need):
+@pytest.mark.parametrize(("name", "need", "given"), NEEDS)
+def test_a_missing_stage_is_named(result, name, need, given):
     before = result.results.record
     products = {k: v for k, v in before["products"].items() if k != need}
     record = json.dumps(before | {"products": products})
@@ -40,7 +45,7 @@ def test_a_missing_stage_is_named(result, name, need):
     (writer,) = registry.writers(need)
     needed = need.replace("_", " ")
     with pytest.raises(MissingStageError, match=f"{name} needs the {needed}: run {writer} first"):
-        result.apply(name)
+        result.apply(name, **given)
 
 
 @pytest.mark.parametrize("name", OURS)

@@ -8,7 +8,13 @@ from numba import njit
 from scipy.spatial.transform import Rotation
 from scipy.special import roots_legendre, sph_harm_y
 
-from meshlab_svbrdf.geometry.harmonics import COEFFICIENTS, basis, evaluate
+from meshlab_svbrdf.geometry.harmonics import (
+    COEFFICIENTS,
+    basis,
+    evaluate,
+    evaluate_all,
+    scale_coefficients,
+)
 
 
 def sphere(n, seed=0):
@@ -29,7 +35,7 @@ def quadrature():
 
 
 @njit
-def evaluate_all(k, directions, out):
+def evaluate_each(k, directions, out):
     for i in range(len(directions)):
         out[i] = evaluate(k, directions[i, 0], directions[i, 1], directions[i, 2])
 
@@ -84,15 +90,26 @@ def test_the_kernel_agrees_with_numpy(seed):
     d = np.vstack([sphere(20, seed), POLES])
     k = np.random.default_rng(seed).normal(size=COEFFICIENTS).astype(np.float32)
     values = np.empty(len(d))
-    evaluate_all(k, d, values)
+    evaluate_each(k, d, values)
     np.testing.assert_allclose(values, basis(d) @ k, atol=1e-13 * np.abs(k).sum())
+
+
+@settings(deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_the_kernel_of_rows_agrees_to_single_precision(seed):
+    d = np.vstack([sphere(21, seed), POLES]).astype(np.float32)
+    k = np.random.default_rng(seed).normal(size=COEFFICIENTS).astype(np.float32)
+    scaled, values = np.empty(COEFFICIENTS, np.float32), np.empty(len(d), np.float32)
+    scale_coefficients(k, scaled)
+    evaluate_all(scaled, *np.ascontiguousarray(d.T), values)
+    np.testing.assert_allclose(values, basis(d) @ k, atol=3e-6 * np.abs(k).sum())
 
 
 def test_the_kernel_takes_float32_directions():
     d = sphere(100).astype(np.float32)
     k = np.random.default_rng(3).normal(size=COEFFICIENTS).astype(np.float32)
     values = np.empty(len(d))
-    evaluate_all(k, d, values)
+    evaluate_each(k, d, values)
     np.testing.assert_allclose(values, basis(d) @ k, atol=1e-5)
 
 

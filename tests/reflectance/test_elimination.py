@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from meshlab_svbrdf.reflectance.elimination import ALPHAS, REACH, _add_lobes, eliminate, profile
+from meshlab_svbrdf.reflectance.elimination import ALPHAS, REACH, eliminate, profile
 from meshlab_svbrdf.reflectance.fit_samples import FitSamples
 
 CELL = np.log(2) / 3  # of the grid, in ln α
@@ -203,17 +203,6 @@ def test_about_a_shininess_only_its_neighbours_are_tried():
     np.testing.assert_array_equal(some[1], everything[1])
     assert profile(some[0]).alpha == profile(everything[0]).alpha
     assert profile(some[0]).rho_s == profile(everything[0]).rho_s
-
-
-@given(st.floats(0, 4), st.floats(1e-3, 10), st.integers(0, 30))
-def test_lobes_add_from_the_first_asked_for_to_where_nothing_is_left(u, gain, first):
-    phi = np.ones(len(ALPHAS))
-    used = _add_lobes(0.0, u, 0.0, 0.0, gain, first, len(ALPHAS), phi)
-    exact = 1 + gain * np.exp(-u * ALPHAS)
-    np.testing.assert_allclose(phi[first:], exact[first:], rtol=1e-9, atol=1e-6 * gain)
-    np.testing.assert_array_equal(phi[:first], 1)
-    np.testing.assert_array_equal(phi[used:], 1)
-    assert used == len(ALPHAS) or u * ALPHAS[used] >= 14
 
 
 # The profile

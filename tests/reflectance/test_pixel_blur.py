@@ -19,9 +19,9 @@ from analytic import (
 
 from meshlab_svbrdf.geometry.surface_shape import surface_shape
 from meshlab_svbrdf.reflectance.fit_samples import collect
-from meshlab_svbrdf.reflectance.fit_state import sample_lobe
 from meshlab_svbrdf.reflectance.footprint import SPREAD
 from meshlab_svbrdf.reflectance.joint import fit
+from meshlab_svbrdf.reflectance.lobes import add_blurred
 from meshlab_svbrdf.reflectance.phong import lamps, light_texels
 
 LIGHTS = [lamp([0.3, 0.5, 0.8]), lamp([-0.8, 0.3, 0.3]), lamp([0.1, -0.6, -0.8])]
@@ -137,10 +137,12 @@ def test_the_fit_finds_how_far_a_film_is_blurred(tmp_path, times):
     owner = np.repeat(everywhere, np.diff(block.offsets))
     phi, seen = np.zeros((1500, 120)), np.zeros((1500, 120), np.uint8)
     seen[owner, block.frame] = block.quality
-    for j, t in enumerate(owner):
-        phi[t, block.frame[j]] = sample_lobe(
-            samples.mirror[j], samples.blur[j], rays[t], gains[t], 100.0
-        )
+    scratch, lobe = np.empty((13, 120), np.float32), np.zeros(len(owner), np.float32)
+    for t in everywhere:
+        first, stop = block.offsets[t], block.offsets[t + 1]
+        add_blurred(samples.mirror, samples.blur, first, stop - first, rays[t], gains[t], 100.0,
+                    scratch, lobe[first:stop])  # fmt: skip
+    phi[owner, block.frame] = lobe
     o = observations_of(tmp_path / "b", grey(10.0 + 50.0 * phi), seen, texels, cameras)
     found = fit(replace(o, shape=shape), material, LIGHTS, np.full(1500, 1.0), 0.02, lens=True)
     assert found.materials[0].rho_s == pytest.approx(50, rel=0.02)

@@ -59,6 +59,32 @@ def test_transposition_is_brute_forces(tmp_path_factory, texels, frames, share, 
     assert store.seen.tolist() == [len(f[0]) for f in history]
 
 
+@settings(max_examples=15)
+@given(
+    texels=st.integers(1, 20), frames=st.integers(0, 12), share=st.floats(0, 1),
+    memory=st.sampled_from([0, 100, 1 << 20]), samples=st.integers(1, 40), data=st.data(),
+)  # fmt: skip
+def test_some_texels_are_read_as_they_are_among_all(
+    tmp_path_factory, texels, frames, share, memory, samples, data
+):
+    history = random_frames(texels, frames, share)
+    store = write(tmp_path_factory.mktemp("store"), texels, history, memory=memory)
+    some = np.array(sorted(data.draw(st.sets(st.integers(0, texels - 1)))), np.int64)
+    block = store.read_texels(some)
+    assert (block.first, block.stop) == (0, len(some))
+    for i, texel in enumerate(some):
+        assert rows_of(block, i) == brute_force(history, texel)
+
+    # In pieces: each texel once, in order, about as many samples as asked for
+    pieces = store.map_texels(lambda block, own: (own, block), some, samples=samples)
+    for own, part in pieces:
+        expected = store.read_texels(some[own])
+        for a, b in zip(part, expected, strict=True):
+            np.testing.assert_array_equal(a, b)
+        assert len(part.frame) < samples + frames
+    assert [t for own, _ in pieces for t in some[own]] == some.tolist()
+
+
 def test_more_frames_than_a_byte_counts(tmp_path):
     history = random_frames(3, 600, 0.5)
     store = write(tmp_path, 3, history)
@@ -77,7 +103,7 @@ def test_neither_threads_nor_chunks_change_what_is_read(tmp_path, monkeypatch, t
     store = write(tmp_path / "b", 200, history, memory=memory)
     for a, b in zip(store.read(0, 200), expected, strict=True):
         np.testing.assert_array_equal(a, b)
-    assert store.block_bounds(500) == SampleStore(tmp_path / "a").block_bounds(500)
+    assert store.block_bounds(500) == SampleStore.open(tmp_path / "a").block_bounds(500)
     assert store.map(lambda b: b.first) == [b.first for b in store.blocks()]
 
 

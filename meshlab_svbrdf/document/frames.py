@@ -1,0 +1,114 @@
+"""The frames of a project, wherever they lie: image files, and videos that are never extracted."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from functools import cache
+from pathlib import Path
+from threading import Lock
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+
+from ..errors import DocumentError
+from .exposure import read_exposure
+from .images import check_size, frame_problem, read_frame
+from .project import RasterEntry
+from .video import VideoReader
+from .video_file import video_problem
+from .video_names import VIDEOS, is_frames_folder, video_frames
+
+
+class Frames:
+    """Pixels and files of rasters; close it, or use it in `with`, for videos stay open.
+
+    A frame of a video is read from the video, also where its image was extracted for MeshLab. It is
+    decoded once if the frames are read once, roughly in the rasters' order; any number of threads
+    may read.
+
+    rasters : those that will be asked for
+    """
+
+    def __init__(self, rasters: Iterable[RasterEntry]) -> None:
+        self.videos = video_frames(raster.path for raster in rasters)
+        self._readers: dict[Path, VideoReader] = {}
+        self._lock = Lock()
+        self._video_problem = cache(video_problem)
+
+    def read(self, raster: RasterEntry) -> np.ndarray:
+        """The frame, (H, W, 3) uint8, sRGB.
+
+        Raises
+        ------
+        DocumentError : image or video is missing or damaged, or not of the camera's size.
+        """
+        size = (raster.camera.width, raster.camera.height)
+        frame = self.videos.get(raster.path)
+        if frame is None:
+            return read_frame(raster.path, label=raster.label, size=size)
+        where = f"raster {raster.label!r}"
+        try:
+            image = self._reader(frame.video).read(frame.time)
+        except DocumentError as error:
+            raise DocumentError(f"{where}: {error}") from None
+        check_size(image, size, f"{where}: {frame.video}")
+        return image
+
+    def problem(self, raster: RasterEntry) -> str:
+        """What a glance at its file tells against a frame, the file named; "" for nothing."""
+        frame = self.videos.get(raster.path)
+        if frame is not None:
+            return self._video_problem(frame.video)
+        found = frame_problem(raster.path)
+        if found and is_frames_folder(raster.path.parent):
+            found += f", and {VIDEOS} beside it does not say which frame of a video it is"
+        return f"{raster.path} {found}" if found else ""
+
+    def exposure(self, raster: RasterEntry) -> float | None:
+        """What the camera wrote into a photograph (`read_exposure`); None for videos."""
+        return None if raster.path in self.videos else read_exposure(raster.path)
+
+    def file(self, raster: RasterEntry) -> Path:
+        """The file that holds the frame: an image or a video."""
+        frame = self.videos.get(raster.path)
+        return raster.path if frame is None else frame.video
+
+    def stamp(self, raster: RasterEntry) -> list[Any]:
+        """What tells whether the frame is the one that results were made from."""
+        frame = self.videos.get(raster.path)
+        if frame is None:
+            return file_stamp(raster.path)
+        return [raster.path.name, frame.time, *file_stamp(frame.video)]
+
+    def close(self) -> None:
+        for reader in self._readers.values():
+            reader.close()
+        self._readers.clear()
+
+    def __enter__(self) -> Frames:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def _reader(self, video: Path) -> VideoReader:
+        with self._lock:
+            if video not in self._readers:
+                times = (frame.time for frame in self.videos.values() if frame.video == video)
+                self._readers[video] = VideoReader(video, times)
+            return self._readers[video]
+
+
+def file_stamp(path: Path) -> list[Any]:
+    """Name, size and date of a file; one that is missing counts as such."""
+    try:
+        status = path.stat()
+    except OSError:
+        return [path.name, "missing"]  # the filter that reads frames says so
+    return [path.name, status.st_size, status.st_mtime_ns]

@@ -1,0 +1,116 @@
+"""NAME.svbrdf/frames/videos.json: which frame of which video a raster's file name stands for.
+
+A raster's Plane names `NAME.svbrdf/frames/VIDEO_000123.jpg`, a file that need not exist: MeshLab
+keeps file names and drops all else. In the JSON videos are named relative to its folder.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from math import isfinite
+from pathlib import Path
+from typing import Any
+
+from ..errors import DocumentError
+from .record import write_json
+
+FRAMES = "frames"  # the folder in NAME.svbrdf
+VIDEOS = "videos.json"
+FORMAT = 1
+
+
+@dataclass(frozen=True)
+class VideoFrame:
+    """A frame of a video.
+
+    index : its place in the order of presentation, from 0
+    time : seconds, when it is shown; this finds it, whatever the frame rate
+    """
+
+    video: Path
+    index: int
+    time: float
+
+
+def is_frames_folder(folder: Path) -> bool:
+    return folder.name == FRAMES and folder.parent.suffix == ".svbrdf"
+
+
+def video_of(name: str) -> str:
+    """What a frame's name says of its video: `walk` of walk_000123.jpg."""
+    return Path(name).stem.rpartition("_")[0]
+
+
+def name_frame(frame: VideoFrame, known: Mapping[str, VideoFrame]) -> str:
+    """The frame's name beside those that are known: STEM-2 where another video has the STEM."""
+    owner = {video_of(name): other.video for name, other in known.items()}
+    stem, count = frame.video.stem, 1
+    while owner.get(stem, frame.video) != frame.video:
+        count += 1
+        stem = f"{frame.video.stem}-{count}"
+    return f"{stem}_{frame.index:06d}.jpg"
+
+
+def read_videos(folder: Path) -> dict[str, VideoFrame]:
+    """The frames of videos that names in `folder` stand for, {} where it is no such folder.
+
+    Raises
+    ------
+    DocumentError : the JSON is damaged.
+    """
+    path = folder / VIDEOS
+    if not is_frames_folder(folder) or not path.is_file():
+        return {}
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+        if content["format"] != FORMAT:
+            raise ValueError(f"format {content['format']}, this version reads {FORMAT}")
+        found = {
+            str(name): VideoFrame(
+                Path(os.path.normpath(folder.resolve() / video["file"])),
+                int(frame["index"]),
+                float(frame["time"]),
+            )
+            for video in content["videos"]
+            for name, frame in video["frames"].items()
+        }
+        if not all(isfinite(frame.time) for frame in found.values()):
+            raise ValueError("a time that is no number")
+        return found
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise DocumentError(
+            f"{path}: does not tell which frames of which videos the rasters are "
+            f"({error!r}); restore it, or add the videos again"
+        ) from None
+
+
+def write_videos(folder: Path, frames: Mapping[str, VideoFrame]) -> None:
+    """Write the JSON whole or not at all; the folder is made."""
+    folder.mkdir(parents=True, exist_ok=True)
+    videos: dict[Path, dict[str, Any]] = {}
+    for name, frame in frames.items():
+        entry = videos.setdefault(
+            frame.video, {"file": relative(frame.video, folder.resolve()), "frames": {}}
+        )
+        entry["frames"][name] = {"index": frame.index, "time": frame.time}
+    write_json(folder / VIDEOS, {"format": FORMAT, "videos": list(videos.values())})
+
+
+def video_frames(paths: Iterable[Path]) -> dict[Path, VideoFrame]:
+    """Those of the rasters' `paths` that stand for frames of videos."""
+    paths = list(paths)
+    known = {folder: read_videos(folder) for folder in {path.parent for path in paths}}
+    return {
+        path: known[path.parent][path.name] for path in paths if path.name in known[path.parent]
+    }
+
+
+def relative(path: Path, folder: Path) -> str:
+    """`path` as seen from `folder`, with forward slashes."""
+    try:
+        return Path(os.path.relpath(path, folder)).as_posix()
+    except ValueError:  # another drive on Windows has no relative path
+        return path.as_posix()

@@ -1,0 +1,95 @@
+"""Phong lobes of all samples of a texel at once, sharp or blurred by their pixels (`pixel_blur`)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from .power import FAST, exp, ln
+
+LEAST = np.float32(0.01)
+"""Cosine of the farthest mirror direction that a lamp's lobe reaches."""
+FAR = np.float32(1e6)
+"""−ln cos beyond it."""
+NOTHING = 14.0
+"""−ln of what is left of a lobe's height where it ends."""
+
+
+@njit(cache=True, nogil=True, fastmath=FAST)
+def add_sharp(x, y, z, rays, gains, alpha, out):
+    """Add φ = Σ_k g_k (l_k·r)₊^α of the mirror directions x, y, z (n,) to out (n,); float32."""
+    power = np.float32(alpha)
+    for k in range(len(gains)):
+        if gains[k] > 0:
+            a, b, c, gain = rays[k, 0], rays[k, 1], rays[k, 2], gains[k]
+            for j in range(len(x)):
+                cos = a * x[j] + b * y[j] + c * z[j]
+                out[j] += gain * exp(power * ln(max(cos, np.float32(1e-9))))
+
+
+@njit(cache=True, nogil=True)
+def take(mirror, blur, first, n, columns):
+    """Mirror directions and blur, x y z and bx by bz s₁ s₂, to columns (8, n); the greatest s₁."""
+    most = np.float32(0)
+    for j in range(n):
+        bx, by, bz = blur[first + j, 0], blur[first + j, 1], blur[first + j, 2]
+        s1 = bx * bx + by * by + bz * bz
+        most = max(most, s1)
+        columns[0, j], columns[1, j] = mirror[first + j, 0], mirror[first + j, 1]
+        columns[2, j], columns[3, j] = mirror[first + j, 2], bx
+        columns[4, j], columns[5, j], columns[6, j], columns[7, j] = by, bz, s1, blur[first + j, 3]
+    return most
+
+
+@njit(cache=True, nogil=True, fastmath=FAST, error_model="numpy")
+def part(columns, n, ray, u1, u2):
+    """How far a lamp stands from the mirror directions: −ln cos, shared out to the blur's axes.
+
+    To u1, u2 (n,), along and across; returns the least of their sum.
+    """
+    a, b, c = ray[0], ray[1], ray[2]
+    x, y, z, bx, by, bz, s1, _ = columns
+    for j in range(n):
+        cos = a * x[j] + b * y[j] + c * z[j]
+        u = -ln(min(max(cos, LEAST), np.float32(1)))
+        along = a * bx[j] + b * by[j] + c * bz[j]
+        spread = s1[j] * (np.float32(1) - cos * cos)
+        share = min(along * along / max(spread, np.float32(1e-20)), np.float32(1))
+        u = u if cos > LEAST else FAR
+        u1[j] = u * share
+        u2[j] = u - u1[j]
+    least = FAR
+    for j in range(n):
+        least = min(least, u1[j] + u2[j])
+    return least
+
+
+@njit(cache=True, nogil=True, fastmath=FAST, error_model="numpy")
+def soften(columns, n, alpha, h1, h2, height):
+    """What blur makes of the shininess α: α h₁ and α h₂ along its axes, and the lobe's height."""
+    power = np.float32(alpha)
+    s1, s2 = columns[6], columns[7]
+    for j in range(n):
+        a = np.float32(1) / (np.float32(1) + power * s1[j])
+        b = np.float32(1) / (np.float32(1) + power * s2[j])
+        h1[j], h2[j], height[j] = power * a, power * b, np.sqrt(a * b)
+
+
+@njit(cache=True, nogil=True, fastmath=FAST)
+def add(n, gain, h1, h2, height, u1, u2, out):
+    """Add a lamp's lobe to out (n,)."""
+    for j in range(n):
+        out[j] += gain * height[j] * exp(-(h1[j] * u1[j] + h2[j] * u2[j]))
+
+
+@njit(cache=True, nogil=True)
+def add_blurred(mirror, blur, first, n, rays, gains, alpha, scratch, out):
+    """Add φ of the samples first..first + n to out (n,), scratch (13, n); all float32."""
+    columns, (u1, u2, h1, h2, height) = scratch[:8], scratch[8:13]
+    blurriest = take(mirror, blur, first, n, columns)
+    soften(columns, n, alpha, h1, h2, height)
+    for k in range(len(gains)):
+        if gains[k] > 0:
+            least = part(columns, n, rays[k], u1, u2)
+            if alpha * least <= NOTHING * (1.0 + alpha * blurriest):
+                add(n, gains[k], h1, h2, height, u1, u2, out)
