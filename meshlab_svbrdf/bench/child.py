@@ -13,7 +13,6 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -21,10 +20,11 @@ from typing import Any
 from numba.core.event import install_recorder
 
 from ..document.document import Document
-from ..document.images import read_frame
+from ..document.frames import Frames
 from ..presets import chain
 from ..script import run_script
 from ..threads import thread_count
+from .files import ahead
 from .workload import Options, make_workload
 
 Figures = dict[str, Any]
@@ -102,12 +102,8 @@ def decode_frames(document: Document) -> Figures:
     """Only decode every frame of the project, on all cores: the floor of any run."""
     rasters = document.rasters
 
-    def decode(index: int) -> None:
-        camera = rasters[index].camera
-        read_frame(rasters[index].path, size=(camera.width, camera.height))
-
-    with metered() as figures, ThreadPoolExecutor(thread_count()) as pool:
-        for _ in pool.map(decode, range(len(rasters))):
+    with metered() as figures, Frames(rasters) as frames:
+        for _ in ahead(lambda index: frames.read(rasters[index]).shape, range(len(rasters))):
             pass
     return figures | {"frames": len(rasters)}
 
