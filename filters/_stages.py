@@ -10,7 +10,8 @@ from meshlab_svbrdf.progress import Progress
 from meshlab_svbrdf.reflectance.lights import Light
 from meshlab_svbrdf.reflectance.threshold import LuminanceStatistics
 from meshlab_svbrdf.samples.observations import Observations, observe
-from meshlab_svbrdf.samples.store import SampleStore
+
+from ._samples import read_samples
 
 UNOBSERVED_GREY = 118  # sRGB code of the texture where nothing was observed
 
@@ -22,14 +23,14 @@ def read_observations(
 
     rays : also with the mesh to shoot shadow rays at
     """
-    mesh = document.mesh()
-    cameras = {raster.label: raster.camera for raster in document.rasters}
-    used = [frame["label"] for frame in document.json("frames")["frames"] if "samples" in frame]
+    mesh, told = document.mesh(), document.json("frames")
+    rasters = {raster.label: raster for raster in document.rasters}
+    used = [rasters[frame["label"]] for frame in told["frames"] if "samples" in frame]
     coefficients = document.array("visibility") if visibility else np.zeros((0, 36), np.float32)
     return observe(
         document.texels(),
-        SampleStore.open(document.result_folder("samples")),
-        [cameras[label] for label in used],
+        read_samples(document, mesh, used),
+        [raster.camera.reduced(told.get("reduce", 1)) for raster in used],
         mesh.faces,
         gains=document.array("samples_gain"),
         coefficients=coefficients if len(coefficients) else None,

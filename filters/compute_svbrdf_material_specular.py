@@ -9,15 +9,16 @@ import numpy as np
 from meshlab_svbrdf.document.document import Document
 from meshlab_svbrdf.filter import Filter, Namespace, Parameter
 from meshlab_svbrdf.geometry.surface_shape import steepest_turn, surface_shape
-from meshlab_svbrdf.geometry.texels import Texels
 from meshlab_svbrdf.progress import Progress
 from meshlab_svbrdf.reflectance.density import highest_bell
 from meshlab_svbrdf.reflectance.estimate import Estimate, estimate
+from meshlab_svbrdf.reflectance.footprint import footprints
 from meshlab_svbrdf.reflectance.joint import Material
 from meshlab_svbrdf.reflectance.lamp_size import under_points
 from meshlab_svbrdf.reflectance.lights import Light
 from meshlab_svbrdf.reflectance.long_lamps import as_seen
 from meshlab_svbrdf.reflectance.microfacet import NAMES, Microfacets
+from meshlab_svbrdf.reflectance.sharpen import sharpen
 
 from ._lights import set_lights
 from ._maps import set_diffuse_maps, set_scalar_map
@@ -39,6 +40,11 @@ FILTER = Filter(
             "estimator", "enum", "joint", choices=("joint", "paper"),
             help='"joint" eliminates every texel\'s diffuse term and refines the lights; '
             '"paper" takes the highest mode of the texels\' ρs.',
+        ),
+        Parameter(
+            "gloss", "enum", "seek", choices=("seek", "none"),
+            help='"none": look for no highlights; every material is unobserved, and D is what it '
+            "was, but for the blur of the pixels.",
         ),
         Parameter(
             "rounds", "int", 10, minimum=3, maximum=50,
@@ -133,10 +139,19 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
     dense[labels < 0] = -1
 
     ambient, sheen = None, None
+    notes: list[str] = []
     microfacets: list[Microfacets | None] = [None] * len(ids)
-    if parameters.estimator == "paper":
+    if parameters.gloss == "none":
+        why = "no highlights were looked for (gloss=none)"
+        materials = [
+            Material(np.nan, np.nan, False, why, texels=int((dense == m).sum()))
+            for m in range(len(ids))
+        ]
+        if parameters.estimator == "joint" and parameters.sharp:
+            observations = read_observations(document)
+            diffuse = sharpen(texels, diffuse, *footprints(observations))
+    elif parameters.estimator == "paper":
         materials = [_bell(document, dense == m, parameters) for m in range(len(ids))]
-        notes = []
     else:
         early = progress.part(0, 0.95)
         found = _joint(document, dense, ids, lights, diffuse, parameters, early)
@@ -189,7 +204,7 @@ def _joint(
     observations = replace(observations, shape=shape)
     turn = steepest_turn(shape) * texels.radius
     return estimate(
-        observations, labels, lights, diffuse, turn, _footprint(document, texels),
+        observations, labels, lights, diffuse, turn, observations.footprint,
         complete=parameters.complete,
         correct_normals=parameters.normals == "auto", rounds=parameters.rounds,
         samples=parameters.samples, near=parameters.near, long=parameters.long,
@@ -214,14 +229,6 @@ def _bell(document: Document, own: np.ndarray, parameters: Namespace) -> Materia
             texels=count,
         )
     return Material(bell.rho_s, bell.alpha, True, texels=count)
-
-
-def _footprint(document: Document, texels: Texels) -> float:
-    """A pixel's size on the object, in radii: the median over the frames."""
-    sizes = [
-        np.linalg.norm(r.camera.center - texels.center) / r.camera.fx for r in document.rasters
-    ]
-    return float(np.median(sizes)) / texels.radius
 
 
 def _entry(identity: int, material: Material, seen: np.ndarray, other: Microfacets | None) -> dict:

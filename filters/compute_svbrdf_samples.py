@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 import numpy as np
 
 from meshlab_svbrdf.document.document import Document
 from meshlab_svbrdf.document.frames import Frames
-from meshlab_svbrdf.document.images import read_mask
 from meshlab_svbrdf.errors import DocumentError, SvbrdfError
 from meshlab_svbrdf.filter import Filter, Namespace, Parameter
-from meshlab_svbrdf.geometry.camera import Camera
 from meshlab_svbrdf.progress import Progress
-from meshlab_svbrdf.samples.capture import FrameSampler, Quality, reference_depth
 from meshlab_svbrdf.samples.gains import frame_gains, gain_spread
 from meshlab_svbrdf.samples.observations import observe
-from meshlab_svbrdf.samples.store import write_store
 
+from ._frames import choose, median_step, reduction
+from ._samples import project_frames
 from ._stages import counted, share
 
 VARYING = 0.03  # robust spread of ln gain; a locked exposure leaves .003
@@ -28,6 +24,7 @@ FILTER = Filter(
     title="SVBRDF: samples",
     needs=("mesh", "rasters", "texels"),
     writes=("samples",),
+    version=2,
     parameters=(
         Parameter(
             "exposure", "enum", "auto", choices=("auto", "exif", "raster", "none"),
@@ -55,6 +52,11 @@ FILTER = Filter(
             "angle of each other; stills that are farther apart are all used. 0: all frames.",
         ),
         Parameter(
+            "frames", "int", 0, minimum=0, maximum=1_000_000,
+            help="Use about so many frames at most, spread evenly over the places from which the "
+            "object was seen, never chosen by what they show. 0: no limit.",
+        ),
+        Parameter(
             "minimum_quality", "float", 0.1, minimum=0.0, maximum=1.0,
             help="Samples below are dropped. 0 keeps all: only the threshold's own limit counts "
             "then, as the paper has it.",
@@ -69,69 +71,49 @@ FILTER = Filter(
             help="How much deeper than the depth map a texel may lie and still count as seen.",
         ),
         Parameter(
-            "memory", "int", 256, minimum=16, maximum=65536, unit="MiB",
+            "reduce", "enum", "auto", choices=("auto", "1", "2", "4"),
+            help="Samples frames reduced to a half or a quarter of their width, of which JPEGs are "
+            'read faster: "auto" does so where texels are as coarse as that.',
+        ),
+        Parameter(
+            "store", "enum", "disk", choices=("disk", "memory"),
+            help='Where the samples go. "memory": nowhere; another run that needs them projects '
+            "the frames again.",
+        ),
+        Parameter(
+            "memory", "int", 128, minimum=16, maximum=65536, unit="MiB",
             help="Of samples held before a chunk is written.",
         ),
     ),
     help="Projects every frame to the texels: depth test, quality (distance to depth jumps, "
     "nearness, angle), colour interpolated in linear light. Frames are streamed, one after the "
-    "other; the samples go to the sample store, 5 bytes each.",
+    "other; the samples go to the sample store, 5 bytes each. Frames that an earlier run has "
+    "projected alike are not projected again.",
     reference="Palma et al. 2012, §4; Callieri et al. 2008",
 )  # fmt: skip
 
 
 def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
-    # Order the frames: sequence by sequence, in the project's order
-    sequences = list(dict.fromkeys(r.sequence for r in document.project.rasters))
-    places: dict[str, int] = {}
-    seen_so_far = dict.fromkeys(sequences, 0)
-    for raster in document.project.rasters:
-        places[raster.label] = seen_so_far[raster.sequence]
-        seen_so_far[raster.sequence] += 1
-    rasters = sorted(document.rasters, key=lambda r: sequences.index(r.sequence))
-    nth = parameters.step
-    if parameters.spacing > 0:
-        apart = _median_step(
-            [r.camera for r in rasters], [r.sequence for r in rasters], document.mesh().center
-        )
-        nth *= max(1, int(parameters.spacing / (nth * apart) + 1e-6)) if apart > 0 else 1
-    left_out = {r.label: f"one frame in {nth} is used" for r in rasters if places[r.label] % nth}
-    thinned = len(left_out)
-    rasters, unreadable = _readable(
-        [r for r in rasters if r.label not in left_out], parameters.unreadable
-    )
-    left_out |= unreadable
+    mesh = document.mesh()
+    choice = choose(document, parameters, mesh)
+    sequences = choice.sequences
+    rasters, unreadable = _readable(choice.rasters, parameters.unreadable)
+    left_out = choice.left_out | unreadable
     if not rasters:
         raise SvbrdfError("no frame is left to sample")
 
     # Project them
-    mesh, texels = document.mesh(), document.texels()
+    texels = document.texels()
     cameras = [raster.camera for raster in rasters]
-    points = max(50, min(2000, 1_000_000 // len(cameras)))
-    some = mesh.vertices[:: max(1, len(mesh.vertices) // points)]
-    quality = Quality(
-        parameters.border, 0.05, parameters.occlusion, max(parameters.minimum_quality, 1 / 127)
-    )
-    sampler = FrameSampler(mesh, texels, reference_depth(some, cameras), quality)
-
-    quality_sum = np.zeros(len(rasters))
-
-    def sample(index: int):
-        raster = rasters[index]
-        size = (raster.camera.width, raster.camera.height)
-        image = frames.read(raster)
-        mask = (
-            None if raster.mask is None else read_mask(raster.mask, label=raster.label, size=size)
-        )
-        samples = sampler.sample(raster.camera, image, mask)
-        quality_sum[index] = (samples[2] & 127).sum() / 127
-        return samples
-
-    with Frames(rasters) as frames:
-        store = write_store(
-            document.staged_folder("samples"), len(texels), len(rasters), sample,
-            memory=parameters.memory << 20, progress=counted(progress.part(0, 0.9), "frames"),
-        )  # fmt: skip
+    reduce = reduction(parameters, mesh, max(max(size) for size in texels.sizes), cameras)
+    in_memory = parameters.store == "memory"
+    store = project_frames(
+        document, mesh, texels, rasters, parameters, reduce,
+        None if in_memory else document.staged_folder("samples"),
+        counted(progress.part(0, 0.9), "frames"),
+    )  # fmt: skip
+    if in_memory:
+        document.hold("samples", store)
     if len(store) == 0:
         raise SvbrdfError(
             "no texel is seen in any frame: check that the rasters are aligned to this mesh "
@@ -147,19 +129,20 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
     use = parameters.gains == "fit" or (parameters.gains == "auto" and spread > VARYING)
     gain = exposure[:, None] * (np.where(np.isfinite(fitted), fitted, 1.0) if use else 1.0)
     gain = np.broadcast_to(gain / np.median(gain), (len(rasters), 3))
-    step = _median_step(cameras, [r.sequence for r in rasters], texels.center)
+    step = median_step(cameras, [r.sequence for r in rasters], texels.center)
 
     document.set_array("samples_gain", gain)
     document.set_array(
         "samples_sequence", np.array([sequences.index(r.sequence) for r in rasters], np.int32)
     )
     document.set_array(
-        "samples_order", np.array([places[r.label] // nth for r in rasters], np.int32)
+        "samples_order", np.array([choice.order[r.label] for r in rasters], np.int32)
     )
     document.set_json(
         "frames",
         {
             "exposure": source,
+            "reduce": reduce,
             "gains_fitted": use,
             "gain_spread": spread,
             "median_step_degrees": step,
@@ -168,7 +151,6 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
                 {
                     "label": raster.label, "sequence": raster.sequence, "gain": gain[k],
                     "samples": int(store.seen[k]), "residual": residual[k],
-                    "quality": quality_sum[k] / max(store.seen[k], 1),
                 }
                 for k, raster in enumerate(rasters)
             ]
@@ -178,10 +160,10 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
     counts = store.counts()
     document.set_attribute("frames", counts.astype(np.int32))
     said = [
-        f"{len(store):,} samples of {len(rasters)} frames"
-        + (f", one in {nth}: {thinned} are left out" if nth > 1 else ""),
+        f"{len(store):,} samples of {len(rasters)} frames{choice.said}",
         f"{share(counts > 0)} of the texels seen",
     ]
+    said += [f"frames reduced to 1/{reduce}: texels are coarser"] if reduce > 1 else []
     said += [f"exposure: {source}"] if source != "none" else []
     if spread > VARYING:
         said.append(
@@ -236,12 +218,3 @@ def _exposures(rasters, wanted: str) -> tuple[np.ndarray, str]:
             lacking = [r.label for r, v in zip(rasters, values, strict=True) if v is None]
             raise DocumentError(f"frames without EXIF exposure: {', '.join(lacking[:8])}")
     return np.ones(len(rasters)), "none"
-
-
-def _median_step(cameras: list[Camera], sequences: list[str], center: np.ndarray) -> float:
-    """Degrees between a frame's view of the centre and the next one's, the median."""
-    views = np.array([c.center - center for c in cameras])
-    views /= np.maximum(np.linalg.norm(views, axis=1, keepdims=True), 1e-30)
-    same = np.array([a == b for a, b in pairwise(sequences)], bool)
-    cos = np.einsum("ij,ij->i", views[:-1], views[1:])[same]
-    return float(np.degrees(np.median(np.arccos(np.clip(cos, -1, 1))))) if len(cos) else 0.0

@@ -19,7 +19,7 @@ FILTER = Filter(
     writes=("texel_specular",),
     parameters=(
         Parameter(
-            "peaks", "enum", "auto", choices=("auto", "time", "direction"),
+            "peaks", "enum", "auto", choices=("auto", "time", "direction", "none"),
             help='A peak is a run of consecutive frames ("time"), or the samples about one light '
             '("direction"), which photographs need; "auto" chooses by how far apart the frames '
             "are.",
@@ -41,9 +41,15 @@ FILTER = Filter(
 
 
 def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
-    lights = read_lights_found(document)
+    lights = read_lights_found(document) if parameters.peaks != "none" else []
     stills = document.json("frames")["stills"]
-    peaks = parameters.peaks if parameters.peaks != "auto" else "direction" if stills else "time"
+    peaks = (
+        parameters.peaks
+        if parameters.peaks in ("time", "direction")
+        else "direction"
+        if stills
+        else "time"
+    )
     found = texel_specular(
         read_observations(document, visibility=False), luminance(document.attribute("diffuse")),
         lights,
@@ -53,6 +59,8 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
     document.set_attribute("alpha", found.alpha)
     document.set_attribute("light_distance", found.distance)
     document.set_attribute("light", found.light)
+    if parameters.peaks == "none":
+        return "skipped, as asked: no highlights are looked for"
     if not lights:
         return "skipped: there is no light"
     how = "runs of frames" if peaks == "time" else "stills: samples ordered by viewing direction"

@@ -135,7 +135,38 @@ def run(
         document.hold_out(hold_out)
         if preset is not None and not as_json:
             typer.echo(f"preset {preset}: {PRESETS[preset]}")
+        if script is None:
+            steps = _planned(document, steps, given, as_json)
         _run(document, steps, force, as_json)
+
+
+@app.command()
+def plan(
+    project: Project,
+    output: Output = None,
+    estimator: Annotated[Estimator, typer.Option(help="joint or paper.")] = Estimator.joint,
+    preset: Annotated[PresetName, typer.Option(help="As of `run`.")] = PresetName.standard,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="FILTER.NAME=VALUE", help="As of `run`: it stays."),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Tell what `run` would choose for PROJECT, why, and what that would cost; nothing is written.
+
+    Every choice is a parameter: `run … --set FILTER.NAME=VALUE` overrides it.
+    """
+    from .plan import make_plan
+
+    with _friendly():
+        given = dict(map(_name_value, settings or ()))
+        steps = chain(estimator, preset, given)
+        check_script(steps)
+        document = Document.open(project, output)
+        if not document.rasters:
+            raise SvbrdfError(f"{project}: has no rasters; add registered frames in MeshLab")
+        made = make_plan(document, steps, given)
+        typer.echo(json.dumps(made.to_json(), indent=1) if as_json else "\n".join(made.lines()))
 
 
 @app.command()
@@ -249,6 +280,20 @@ def _open(project: Path, output: Path | None, layer: str) -> Document:
         document.set(object=layer)
     document.object_layer()
     return document
+
+
+def _planned(
+    document: Document, steps: list[Step], given: dict[str, str], as_json: bool
+) -> list[Step]:
+    """The steps with what the plan chose, which is said."""
+    from .plan import make_plan
+
+    made = make_plan(document, steps, given)
+    if not document.has("samples"):
+        made.check_space()
+    for line in made.short() if not as_json else ():
+        typer.echo(line)
+    return made.steps
 
 
 def _run(document: Document, steps: list[Step], force: bool, as_json: bool) -> None:

@@ -31,6 +31,7 @@ from .document.views import OBJECT, write_views
 from .errors import SvbrdfError
 from .geometry.camera import Camera
 from .meshlab import Bridge, run_xml
+from .plan import make_plan
 from .presets import chain
 from .script import Step, read_script, run_script
 
@@ -217,11 +218,11 @@ class MeshSet(pymeshlab.MeshSet):
     ) -> list[dict[str, Any]]:
         """The whole chain, as `meshlab-svbrdf run`: what each filter tells, with its name.
 
-        settings : values by "FILTER.NAME"; they win over the preset
+        settings : values by "FILTER.NAME"; they win over the preset and over the plan
         """
+        steps = make_plan(self.document, chain(estimator, preset, settings), settings or {}).steps
         return [
-            {"name": step.name} | self.apply_filter(step.name, **step.parameters)
-            for step in chain(estimator, preset, settings)
+            {"name": step.name} | self.apply_filter(step.name, **step.parameters) for step in steps
         ]
 
     def _run_step(self, step: Step) -> None:

@@ -19,6 +19,8 @@ from .errors import SvbrdfError
 from .script import Step, read_script
 
 SPACING = "compute_svbrdf_samples.spacing"
+FRAMES = "compute_svbrdf_samples.frames"
+TEXTURE_SIZE = "compute_svbrdf_texels.texture_size"
 CHAINS = {"joint": "svbrdf.mlx", "paper": "svbrdf_paper.mlx"}
 
 
@@ -38,12 +40,13 @@ PRESETS = {
     "draft": Preset(
         "a look at the result while filming goes on",
         {
-            "compute_svbrdf_texels.texture_size": "512",
+            TEXTURE_SIZE: "512",
             SPACING: "6",
+            FRAMES: "90",
             "generate_svbrdf_environment_map.samples": "500000",
         },
     ),
-    "standard": Preset("the default: a frame every 3°", {SPACING: "3"}),
+    "standard": Preset("the default: a frame every 3°, 160 at most", {SPACING: "3", FRAMES: "160"}),
     "full": Preset("every frame: the last tenths of a decibel"),
 }
 
@@ -73,13 +76,14 @@ def chain(
     steps = read_script(script or Path(str(files("meshlab_svbrdf.filters") / CHAINS[estimator])))
     chosen = {} if script else dict(PRESETS[preset].parameters)
     if estimator == "paper":
-        chosen.pop(SPACING, None)
+        for name in (SPACING, FRAMES):
+            chosen.pop(name, None)
     for text, value in {**chosen, **(settings or {})}.items():
-        steps = _with(steps, *text.rpartition(".")[::2], str(value))
+        steps = with_parameter(steps, *text.rpartition(".")[::2], str(value))
     return steps
 
 
-def _with(steps: list[Step], filter: str, parameter: str, value: str) -> list[Step]:
+def with_parameter(steps: list[Step], filter: str, parameter: str, value: str) -> list[Step]:
     """The steps with one parameter of one filter set."""
     if all(step.name != filter for step in steps):
         raise SvbrdfError(f"the chain has no {filter}, whose parameter {parameter} was to be set")

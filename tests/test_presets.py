@@ -39,7 +39,7 @@ def test_full_is_the_filters_defaults():
 
 
 def test_paper_keeps_every_frame():
-    assert parameters(chain("joint"), SAMPLES) == {"spacing": "3"}
+    assert parameters(chain("joint"), SAMPLES) == {"spacing": "3", "frames": "160"}
     assert parameters(chain("paper"), SAMPLES) == {}
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..errors import DocumentError
 from .exposure import read_exposure
-from .images import check_size, frame_problem, read_frame
+from .images import check_size, frame_problem, read_frame, reduced
 from .project import RasterEntry
 from .video import VideoReader
 from .video_file import video_problem
@@ -36,8 +36,8 @@ class Frames:
         self._lock = Lock()
         self._video_problem = cache(video_problem)
 
-    def read(self, raster: RasterEntry) -> np.ndarray:
-        """The frame, (H, W, 3) uint8, sRGB.
+    def read(self, raster: RasterEntry, reduce: int = 1) -> np.ndarray:
+        """The frame, (H, W, 3) uint8, sRGB; `reduce`d, the means of so many pixels each way.
 
         Raises
         ------
@@ -46,14 +46,14 @@ class Frames:
         size = (raster.camera.width, raster.camera.height)
         frame = self.videos.get(raster.path)
         if frame is None:
-            return read_frame(raster.path, label=raster.label, size=size)
+            return read_frame(raster.path, label=raster.label, size=size, reduce=reduce)
         where = f"raster {raster.label!r}"
         try:
             image = self._reader(frame.video).read(frame.time)
         except DocumentError as error:
             raise DocumentError(f"{where}: {error}") from None
         check_size(image, size, f"{where}: {frame.video}")
-        return image
+        return reduced(image, reduce)
 
     def problem(self, raster: RasterEntry) -> str:
         """What a glance at its file tells against a frame, the file named; "" for nothing."""

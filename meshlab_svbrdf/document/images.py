@@ -11,9 +11,15 @@ import OpenEXR
 from ..errors import DocumentError
 from .atomic import replacing
 
+_REDUCED_JPEG = {2: cv2.IMREAD_REDUCED_COLOR_2, 4: cv2.IMREAD_REDUCED_COLOR_4}
+
 
 def read_frame(
-    path: str | Path, *, label: str | None = None, size: tuple[int, int] | None = None
+    path: str | Path,
+    *,
+    label: str | None = None,
+    size: tuple[int, int] | None = None,
+    reduce: int = 1,
 ) -> np.ndarray:
     """A photograph or video frame.
 
@@ -23,6 +29,8 @@ def read_frame(
     ----------
     label : the raster's label, named in errors
     size : (width, height) of the raster's camera, which the frame must have
+    reduce : 2 or 4: the means of so many pixels in both directions, as `reduced`; a JPEG is decoded
+        at that size
 
     Returns
     -------
@@ -33,18 +41,37 @@ def read_frame(
     DocumentError : the file is missing, cut off, no image, not 8-bit, or of another size.
     """
     where = str(path) if label is None else f"raster {label!r}: {path}"
-    image = _decode(
-        path, where, cv2.IMREAD_UNCHANGED
-    )  # UNCHANGED also leaves EXIF orientation alone
+    data = _read(path, where)
+    if reduce > 1 and data.startswith(b"\xff\xd8"):
+        flags = _REDUCED_JPEG[reduce] | cv2.IMREAD_IGNORE_ORIENTATION
+        image = _decoded(data, where, flags)
+        small = None if size is None else (-(-size[0] // reduce), -(-size[1] // reduce))
+        check_size(image, small, where)
+        return cv2.cvtColor(image, cv2.COLOR_BGR2RGB)
+    # UNCHANGED also leaves EXIF orientation alone
+    image = _decoded(data, where, cv2.IMREAD_UNCHANGED)
     if image.dtype != np.uint8:
         raise DocumentError(
             f"{where}: 8-bit sRGB expected, found {image.dtype}; convert the frame to 8 bits"
         )
     check_size(image, size, where)
     if image.ndim == 2:
-        return cv2.cvtColor(image, cv2.COLOR_GRAY2RGB)
-    code = cv2.COLOR_BGRA2RGB if image.shape[2] == 4 else cv2.COLOR_BGR2RGB
-    return cv2.cvtColor(image, code)
+        image = cv2.cvtColor(image, cv2.COLOR_GRAY2RGB)
+    else:
+        code = cv2.COLOR_BGRA2RGB if image.shape[2] == 4 else cv2.COLOR_BGR2RGB
+        image = cv2.cvtColor(image, code)
+    return reduced(image, reduce)
+
+
+def reduced(image: np.ndarray, times: int) -> np.ndarray:
+    """The means of times × times pixels; the last ones of an odd size stand twice."""
+    if times == 1:
+        return image
+    height, width = image.shape[:2]
+    image = cv2.copyMakeBorder(
+        image, 0, -height % times, 0, -width % times, cv2.BORDER_REPLICATE
+    )  # fmt: skip
+    return cv2.resize(image, None, fx=1 / times, fy=1 / times, interpolation=cv2.INTER_AREA)
 
 
 def frame_problem(path: Path) -> str:
@@ -160,12 +187,20 @@ def texture_files(path: Path, count: int) -> list[Path]:
 
 
 def _decode(path: str | Path, where: str, flags: int) -> np.ndarray:
+    return _decoded(_read(path, where), where, flags)
+
+
+def _read(path: str | Path, where: str) -> bytes:
     try:
         data = Path(path).read_bytes()
     except OSError as error:
         raise DocumentError(f"{where}: cannot be read ({error.strerror})") from error
     if _is_cut_off(data):
         raise DocumentError(f"{where}: the image is cut off; copy the file again")
+    return data
+
+
+def _decoded(data: bytes, where: str, flags: int) -> np.ndarray:
     try:
         image = cv2.imdecode(np.frombuffer(data, np.uint8), flags) if data else None
     except cv2.error as error:

@@ -42,6 +42,7 @@ class _Writing:
     edits: tuple[str, ...]
     hidden: set[str]
     files: set[str] = field(default_factory=set)
+    held: dict[str, Any] = field(default_factory=dict)
     layers: dict[str, dict[str, Any]] = field(default_factory=dict)
 
 
@@ -52,6 +53,7 @@ class Products:
     def __init__(self, folder: Path) -> None:
         self.results = ResultFolder(folder)
         self._writing: _Writing | None = None
+        self._held: dict[str, tuple[str, Any]] = {}
 
     @property
     def folder(self) -> Path:
@@ -164,6 +166,28 @@ class Products:
         """An empty folder to fill; it replaces NAME/ as a whole when the filter returns."""
         return self._stage(f"{name}/")
 
+    def earlier(self, name: str) -> list[Path]:
+        """Folders NAME of an interrupted run and of the last one: what they hold may be linked."""
+        return self.results.earlier(f"{name}/")
+
+    # In memory
+
+    def key(self, product: str) -> str:
+        """What `product` was made from, as one word."""
+        return self.results.record["products"][product]["key"]
+
+    def hold(self, product: str, value: Any) -> None:
+        """Keep part of a product in this process alone, as long as the product is not made anew."""
+        if self._writing is not None and product in self._writing.products:
+            self._writing.held[product] = value
+        else:
+            self._held[product] = self.key(product), value
+
+    def held(self, product: str) -> Any:
+        """What was held, or None."""
+        key, value = self._held.get(product, ("", None))
+        return value if key and self.has(product) and key == self.key(product) else None
+
     # Layers
 
     def set_layer(self, layer: Layer) -> None:
@@ -227,6 +251,7 @@ class Products:
                 if filter:
                     record["runs"][filter] = run
                 self.results.commit(record)
+                self._held |= {n: (made["key"], value) for n, value in self._writing.held.items()}
             finally:
                 self._writing = None
                 self.results.discard()

@@ -27,6 +27,8 @@ from filelock import FileLock, Timeout
 from ..errors import DocumentError, SvbrdfError
 
 FORMAT = 1
+RESUMED = ("samples/",)
+"""Staged entries of which a run that is interrupted leaves what it has, for the next one."""
 RECORD = "svbrdf.json"
 
 
@@ -67,7 +69,15 @@ class ResultFolder:
     def _committed(self) -> Path:
         return self.path / ".commit"
 
+    @property
+    def _partial(self) -> Path:
+        return self.path / ".partial"
+
     # Reading
+
+    def earlier(self, entry: str) -> list[Path]:
+        """Where an interrupted run and the last one left `entry`."""
+        return [p for base in (self._partial, self.path) if (p := base / entry).exists()]
 
     def find(self, entry: str) -> Path | None:
         """Where `entry` is: staged by the filter that runs now, or else as committed."""
@@ -157,7 +167,10 @@ class ResultFolder:
         return path
 
     def discard(self) -> None:
-        """Forget everything staged."""
+        """Forget everything staged, but for what the next run may go on from."""
+        for entry in RESUMED:
+            if any((self._staging / entry).glob("*")):
+                _move(self._staging / entry, self._partial / entry)
         shutil.rmtree(self._staging, ignore_errors=True)
 
     def commit(self, record: dict[str, Any]) -> None:
@@ -173,6 +186,8 @@ class ResultFolder:
         if new_path.exists():
             new = json.loads(new_path.read_text(encoding="utf-8"))
             self._read()
+            if any((self._committed / entry).exists() for entry in RESUMED):
+                shutil.rmtree(self._partial, ignore_errors=True)
             for entry in sorted(self.files(new)):
                 _move(self._committed / entry, self.path / entry)
             for entry in self.files() - self.files(new):
@@ -185,7 +200,7 @@ def replace_folder(source: Path, target: Path, *, link: bool) -> None:
     """Put a copy of the results `source` in place of `target`; files that are not ours stay."""
     fresh, old = (target.with_name(f".{target.name}.{word}") for word in ("part", "old"))
     shutil.rmtree(fresh, ignore_errors=True)
-    hidden = shutil.ignore_patterns(".lock", ".staging", ".commit")
+    hidden = shutil.ignore_patterns(".lock", ".staging", ".commit", ".partial")
     shutil.copytree(source, fresh, ignore=hidden, copy_function=_link if link else shutil.copy2)
     if not target.is_dir():
         os.rename(fresh, target)

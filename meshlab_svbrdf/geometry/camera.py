@@ -51,6 +51,13 @@ class Camera:
             self.R, self.t,
         )  # fmt: skip
 
+    def reduced(self, times: int) -> Camera:
+        """The camera of an image whose pixels are the means of times × times of this one's."""
+        return Camera(
+            -(-self.width // times), -(-self.height // times), self.fx / times, self.fy / times,
+            (self.cx + 0.5) / times - 0.5, (self.cy + 0.5) / times - 0.5, self.R, self.t,
+        )  # fmt: skip
+
     def project(self, points: np.ndarray) -> np.ndarray:
         """World points (N, 3) to (N, 3): column and row (pixels), depth (world, > 0 in front)."""
         p = points @ self.R.T + self.t

@@ -17,6 +17,8 @@ from .luminance import decode, encode
 
 CLIPPED = 254
 """A channel at or above this value may have been brighter."""
+CLIPPED_MEAN = 250
+"""The same of the mean of several pixels, of which one alone may have been clipped."""
 
 _TO_LINEAR = decode(np.arange(256) / 255).astype(np.float32)
 _STEPS = 1 << 14  # finer than half a code at sRGB's steepest, 12.92 · 255 = 3295 codes per unit
@@ -32,12 +34,14 @@ class Quality:
     jump : depth step that counts as a jump, in radii
     occlusion : how much deeper than the depth map a texel may lie and still be seen, in radii
     cut : samples below this quality are dropped
+    clipped : a channel at or above this value, 0..255, may have been brighter
     """
 
     border: float = 5.0
     jump: float = 0.05
     occlusion: float = 0.02
     cut: float = 0.1
+    clipped: int = CLIPPED
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -101,7 +105,7 @@ def _project(
 @njit(cache=True, nogil=True, error_model="numpy")
 def _sample(
     position, normal, groups, R, t, intrinsics, eye, image, inverse_depth, distance, origin,
-    to_linear, to_code, border, occlusion, reference_depth, cut,
+    to_linear, to_code, border, occlusion, reference_depth, cut, limit,
     out_texel, out_rgb, out_quality,
 ):  # fmt: skip
     """Test, weigh and sample the texels, in their order; returns how many are seen.
@@ -159,7 +163,7 @@ def _sample(
                 )
                 out_rgb[n, channel] = to_code[np.uint64(linear * steps + half)]
             out_texel[n] = first + k
-            clipped = np.uint8(128) if brightest >= CLIPPED else np.uint8(0)
+            clipped = np.uint8(128) if brightest >= limit else np.uint8(0)
             out_quality[n] = np.uint8(quality * np.float32(127) + half) | clipped
             n += 1
     return n
@@ -256,7 +260,7 @@ class FrameSampler:
             camera.center.astype(np.float32), np.ascontiguousarray(image), inverse_depth, distance,
             (left, top), _TO_LINEAR, _TO_CODE, np.float32(q.border * camera.width / 640),
             np.float32(q.occlusion * texels.radius), np.float32(self.reference_depth),
-            np.float32(q.cut), texel, rgb, weight,
+            np.float32(q.cut), np.uint8(q.clipped), texel, rgb, weight,
         )  # fmt: skip
         return texel[:n].copy(), rgb[:n].copy(), weight[:n].copy()
 

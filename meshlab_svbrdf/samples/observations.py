@@ -62,6 +62,12 @@ class Observations:
     rays: Rays | None = None
     shape: np.ndarray | None = None
 
+    @property
+    def footprint(self) -> float:
+        """A pixel's size on the object, in radii: the median over the frames."""
+        away = np.linalg.norm(self.view.eyes, axis=1) / self.texels.radius
+        return float(np.median(away * self.pixel))
+
 
 def observe(
     texels: Texels,

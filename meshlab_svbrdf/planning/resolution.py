@@ -1,0 +1,64 @@
+"""Texels against pixels: texels much finer than the frames' pixels cost time and tell nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..geometry.camera import Camera
+from ..geometry.mesh import Mesh
+
+NEAREST = 0.1
+"""The quantile of the frames whose pixels texels are measured by: close-ups show more."""
+ENOUGH = 0.9
+"""Pixels that a texel is wide, with which nothing is lost that texels hold."""
+FILLED = 0.6
+"""The share of a texture that charts fill, where there are none yet."""
+
+
+@dataclass(frozen=True)
+class Resolution:
+    """How fine the frames are on the object.
+
+    pixel : a pixel's size on the surface seen head-on, world units; of the nearest tenth of frames
+    exact : side of the textures, in texels, at which a texel is as large as that
+    charts : the charts' area, in textures: texels = charts · side²
+    """
+
+    pixel: float
+    exact: float
+    charts: float
+
+    @property
+    def side(self) -> int:
+        """The least power of two, 16 to 16384, whose texels are not larger than a pixel."""
+        return int(np.clip(2 ** np.ceil(np.log2(self.exact) - 1e-9), 16, 16384))
+
+    def pixels_per_texel(self, side: int) -> float:
+        """How many pixels a texel is wide, at a texture of that side."""
+        return self.exact / side
+
+    def reduction(self, side: int) -> int:
+        """By how much frames may be reduced, 1, 2 or 4, so that texels keep `ENOUGH` pixels."""
+        return next(k for k in (4, 2, 1) if k == 1 or self.pixels_per_texel(side) >= ENOUGH * k)
+
+
+def resolution(mesh: Mesh, cameras: Sequence[Camera]) -> Resolution:
+    """How fine the frames are on the object, by geometry alone.
+
+    The object is taken to be as far from a camera as its centre. Areas stand for lengths: charts
+    that are stretched, or of different scale, count by their mean.
+    """
+    distances = [np.linalg.norm(c.center - mesh.center) / max(c.fx, c.fy) for c in cameras]
+    pixel = float(np.quantile(distances, NEAREST))
+    corners = mesh.vertices[mesh.faces]
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    surface = np.linalg.norm(across, axis=1).sum() / 2
+    charts = FILLED
+    if mesh.uv is not None:
+        a, b = mesh.uv[:, 1] - mesh.uv[:, 0], mesh.uv[:, 2] - mesh.uv[:, 0]
+        areas = np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]) / 2
+        charts = float(areas[np.isfinite(areas)].sum()) or FILLED
+    return Resolution(pixel, float(np.sqrt(surface / charts)) / pixel, charts)
