@@ -82,13 +82,14 @@ def _stages(
 
 def sizes_of(document: Document) -> Figures:
     """How much there was to do, and what of it lies on the disk."""
-    mesh, frames = document.mesh(), document.json("frames")["frames"]
-    used = [frame["samples"] for frame in frames if "samples" in frame]
+    mesh, told = document.mesh(), document.json("frames")
+    used = [frame["samples"] for frame in told["frames"] if "samples" in frame]
     store = [path.stat().st_size for path in (document.folder / "samples").rglob("*")]
     materials = document.json("materials")["materials"] if document.has_json("materials") else []
     return {
         "frames": len(document.rasters),
         "frames_used": len(used),
+        "reduce": told.get("reduce", 1),
         "triangles": len(mesh.faces),
         "vertices": len(mesh.vertices),
         "texels": len(document.texels()),

@@ -65,6 +65,8 @@ def _stages(run: Figures) -> Sheet:
     notes = [
         f"{samples:,} samples of {run['texels']:,} texels, {per_sample:.2f} bytes each on disk."
     ]
+    if run["reduce"] > 1:
+        notes.append(f"Frames were reduced to 1/{run['reduce']} of their width while decoding.")
     if run["compiled"]:
         notes.append(f"{run['compiled']} kernels were compiled meanwhile: measure again.")
     return Sheet(

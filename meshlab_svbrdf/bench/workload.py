@@ -12,23 +12,20 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-import cv2
 import numpy as np
 
-from ..document.images import write_exr, write_png
 from ..document.mesh_files import write_ply
 from ..document.project import new_project, write_project
 from ..document.video_rasters import add_video
 from ..errors import SvbrdfError
 from ..geometry.camera import Camera
-from ..geometry.raster import rasterise
 from ..geometry.texels import Texels, rasterise_texels
 from .files import SUFFIXES, ahead, write_image, write_video
-from .scene import AMBIENT, LAMPS, MATERIALS, BenchScene
-from .walk import FAR, frame_camera, look, turn_of
+from .scene import BenchScene
+from .truth import write_truth, write_views
+from .walk import frame_camera, turn_of
 
 VERSION = 1  # of the generator: raise it when the same options give other files
-VIEWS = ((0.2, 0.55), (1.7, 0.1), (3.3, 0.8), (4.9, 0.3))  # held out: azimuth, elevation
 
 
 @dataclass(frozen=True)
@@ -126,27 +123,12 @@ class Workload:
     def texels(self, size: int) -> Texels:
         return rasterise_texels(self.scene.mesh, ((size, size),))
 
-    def covers(self, camera: Camera) -> np.ndarray:
-        """Which pixels show the object, (H, W) bool, its outline left out."""
-        mesh = self.scene.mesh
-        _, face_index = rasterise(mesh.vertices, mesh.faces, camera)
-        return cv2.erode((face_index >= 0).astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
-
     def views(self) -> Path:
         """A project of views that no frame has, rendered without noise."""
-        folder = self.folder / "ground_truth" / "views"
-        path = folder / "project.mlp"
+        path = self.folder / "ground_truth" / "views" / "project.mlp"
         if not path.is_file():
-            folder.mkdir(parents=True, exist_ok=True)
-            project = new_project()
-            project.add_mesh("bench", self.folder / "bench.ply")
-            o, reach = self.options, self.scene.reach
-            for index, (azimuth, elevation) in enumerate(VIEWS):
-                camera = look(azimuth, elevation, 1.05 * FAR, o.width // 2, o.height // 2, reach)
-                image = folder / f"view_{index:02d}.png"
-                write_png(image, self.scene.frame(camera, index, noise=False))
-                project.add_raster(image.name, image, camera)
-            write_project(project, path)
+            size = self.options.width // 2, self.options.height // 2
+            write_views(path, self.scene, self.folder / "bench.ply", size)
         return path
 
 
@@ -188,7 +170,7 @@ def make_workload(
     if not (place / "bench.ply").is_file():
         write_ply(place / "bench.ply", scene.mesh)
     if not (place / "ground_truth" / "lights.json").is_file():
-        _write_truth(workload)
+        write_truth(place / "ground_truth", scene, workload.texels(options.truth))
     _ = scene.seen  # once, not once a thread
     if options.format == "h264":
         _write_videos(workload, progress)
@@ -214,30 +196,6 @@ def _write_videos(workload: Workload, progress: Callable[[int, int], None]) -> N
     for turn in todo:
         write_video(workload.video(turn), ahead(workload.frame, turns[turn]))
         progress(turns[turn][-1] + 1, workload.frames)
-
-
-def _write_truth(workload: Workload) -> None:
-    """Write D as an image, lamps and materials (lights.json last: it tells that all is there)."""
-    truth = workload.folder / "ground_truth"
-    truth.mkdir(exist_ok=True)
-    texels = workload.texels(workload.options.truth)
-    D, kind = workload.scene.truth(texels)
-    write_exr(truth / "diffuse_shaded.exr", texels.to_images(D.astype(np.float32))[0])
-    write_png(truth / "material_id.png", texels.to_images(kind.astype(np.uint8), 255)[0])
-    materials = [
-        {"id": index, "name": name, "rho_s": rho_s, "alpha": alpha}
-        for index, (name, rho_s, alpha) in enumerate(MATERIALS)
-    ]
-    _write_json(truth / "materials.json", {"bsdf": "phong", "materials": materials})
-    lamps = [
-        {"position": place.tolist(), "intensity": float(intensity)}
-        for place, intensity in zip(workload.scene.lamps[:, :3], LAMPS[:, 3], strict=True)
-    ]
-    _write_json(truth / "lights.json", {"emitters": lamps, "ambient_radiance": AMBIENT})
-
-
-def _write_json(path: Path, value: dict) -> None:
-    path.write_text(json.dumps(value, indent=1) + "\n", encoding="utf-8")
 
 
 def _digest(words: str) -> str:
