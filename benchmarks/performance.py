@@ -5,6 +5,7 @@ The workload is `meshlab-svbrdf bench`'s; others are left out where they are not
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
@@ -56,7 +57,7 @@ def tasks(
 
 def _workload(frames: int, texture: int, cache: Path | None, options: Options, folder: Path) -> Row:
     wanted = Wanted(frames, texture, automatic=True)
-    return {"told": benchmark(wanted, options, cache, print)}
+    return {"told": benchmark(wanted, options, cache, partial(print, file=sys.stderr))}
 
 
 def _projection(

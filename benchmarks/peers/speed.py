@@ -14,7 +14,7 @@ from meshlab_svbrdf.bench.body import body
 from meshlab_svbrdf.bench.child import metered
 from meshlab_svbrdf.bench.workload import Workload
 from meshlab_svbrdf.document.document import Document
-from meshlab_svbrdf.document.images import read_frame
+from meshlab_svbrdf.document.frames import Frames
 from meshlab_svbrdf.geometry.harmonics import basis
 from meshlab_svbrdf.geometry.mesh import Mesh
 from meshlab_svbrdf.geometry.visibility import VERTEX_OFFSET, spread_directions, vertex_visibility
@@ -48,8 +48,8 @@ def projected_by_open3d(workload: Workload, size: int, folder: Path) -> Row:
     mesh, rasters = document.mesh(), document.rasters
     near = replace(mesh, vertices=mesh.vertices - mesh.center)
     about = [replace(r, camera=r.camera.about(mesh.center)) for r in rasters]
-    with metered() as cost:
-        open3d.project_frames(near, about, (read_frame(r.path) for r in rasters), size)
+    with metered() as cost, Frames(rasters) as frames:
+        open3d.project_frames(near, about, (frames.read(r) for r in rasters), size)
     return cost
 
 

@@ -72,7 +72,7 @@ def roofline(run: Figures, machine: Mapping[str, float], pixels: int) -> list[Fi
     writes the sample; the others read the store once. Operations are not counted but bounded: what
     the machine could have done in the stage's CPU time.
 
-    pixels : of a frame
+    pixels : of a frame, before it is reduced
     """
     found = []
     count = run["samples"]
@@ -81,7 +81,8 @@ def roofline(run: Figures, machine: Mapping[str, float], pixels: int) -> list[Fi
             continue
         moved = float(STORED)
         if stage["name"] == SAMPLES:
-            moved += run["frames_used"] * (3 * pixels + 24 * run["texels"]) / count
+            read = 3 * pixels / run["reduce"] ** 2 + 24 * run["texels"]
+            moved += run["frames_used"] * read / count
         cpu = stage["cpu_seconds"] / count
         found.append(
             {

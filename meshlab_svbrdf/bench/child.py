@@ -13,16 +13,18 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
+from numba.core.event import install_recorder
+
 from ..document.document import Document
-from ..document.images import read_frame
+from ..document.frames import Frames
 from ..presets import chain
 from ..script import run_script
 from ..threads import thread_count
+from .files import ahead
 from .workload import Options, make_workload
 
 Figures = dict[str, Any]
@@ -34,21 +36,27 @@ SAVE = "save"  # the last stage: the project with its layers
 def run_chain(
     project: str, output: str, estimator: str, preset: str, settings: dict[str, str]
 ) -> Figures:
-    """Run the chain with warm kernels; decode the frames before it and after it."""
+    """Run the chain with warm kernels; decode the frames before it and after it.
+
+    compiled : kernels that were compiled all the same
+    """
     warm = warm_up(estimator)["seconds"]
     document = Document.open(project, output)
     decode = [decode_frames(document)]
     peak_before = peak_memory()
     stages = []
-    for name, meter in _stages(document, estimator, preset, settings):
-        stages.append({"name": name} | meter)
-        print(f"{name:36} {meter['seconds']:7.1f} s  {meter['said']}", file=sys.stderr, flush=True)
+    with install_recorder("numba:compile") as recorder:
+        for name, meter in _stages(document, estimator, preset, settings):
+            stages.append({"name": name} | meter)
+            line = f"{name:36} {meter['seconds']:7.1f} s  {meter['said']}"
+            print(line, file=sys.stderr, flush=True)
     decode.append(decode_frames(document))
     return {
         "preset": preset,
         "estimator": estimator,
         "threads": thread_count(),
         "warm_seconds": warm,
+        "compiled": sum(event.is_start for _, event in recorder.buffer),
         "peak_before": peak_before,
         "peak": max(stage["peak"] for stage in stages),
         "decode": _mean(decode),
@@ -74,13 +82,14 @@ def _stages(
 
 def sizes_of(document: Document) -> Figures:
     """How much there was to do, and what of it lies on the disk."""
-    mesh, frames = document.mesh(), document.json("frames")["frames"]
-    used = [frame["samples"] for frame in frames if "samples" in frame]
+    mesh, told = document.mesh(), document.json("frames")
+    used = [frame["samples"] for frame in told["frames"] if "samples" in frame]
     store = [path.stat().st_size for path in (document.folder / "samples").rglob("*")]
     materials = document.json("materials")["materials"] if document.has_json("materials") else []
     return {
         "frames": len(document.rasters),
         "frames_used": len(used),
+        "reduce": told.get("reduce", 1),
         "triangles": len(mesh.faces),
         "vertices": len(mesh.vertices),
         "texels": len(document.texels()),
@@ -94,12 +103,8 @@ def decode_frames(document: Document) -> Figures:
     """Only decode every frame of the project, on all cores: the floor of any run."""
     rasters = document.rasters
 
-    def decode(index: int) -> None:
-        camera = rasters[index].camera
-        read_frame(rasters[index].path, size=(camera.width, camera.height))
-
-    with metered() as figures, ThreadPoolExecutor(thread_count()) as pool:
-        for _ in pool.map(decode, range(len(rasters))):
+    with metered() as figures, Frames(rasters) as frames:
+        for _ in ahead(lambda index: frames.read(rasters[index]).shape, range(len(rasters))):
             pass
     return figures | {"frames": len(rasters)}
 

@@ -12,6 +12,7 @@ import typer
 class Format(StrEnum):
     jpeg = "jpeg"
     png = "png"
+    h264 = "h264"
 
 
 def bench(

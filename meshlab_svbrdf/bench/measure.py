@@ -108,7 +108,7 @@ class _Bench:
         told["workload"] = asdict(options) | {
             "frames": wanted.frames,
             **{name: run[name] for name in ("triangles", "vertices", "texels")},
-            "bytes_per_frame": self._bytes_per_frame(),
+            "bytes_per_frame": self.workload.bytes / self.workload.frames,
         }
         told["runs"] = [run]
         if wanted.threads[1:]:
@@ -168,10 +168,6 @@ class _Bench:
         half = max(1, round(n / 2))
         texels = [self.run(half, size=round(size * share**0.5)) for share in (0.25, 0.5, 1)]
         return [exponents(frames, "frames"), exponents(texels, "texels")]
-
-    def _bytes_per_frame(self) -> float:
-        paths = [self.workload.frame_path(k) for k in range(self.wanted.frames)]
-        return sum(path.stat().st_size for path in paths) / len(paths)
 
 
 def _gain(one: Figures, other: Figures) -> Figures:

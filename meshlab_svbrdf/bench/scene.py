@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from functools import cached_property
 
+import cv2
 import numpy as np
 
 from ..geometry.camera import Camera
@@ -77,6 +78,11 @@ class BenchScene:
             self.noise if noise else np.zeros_like(self.noise), shift, gloss, out,
         )  # fmt: skip
         return out
+
+    def covers(self, camera: Camera) -> np.ndarray:
+        """Which pixels show the object, (H, W) bool, its outline left out."""
+        _, face_index = rasterise(self.mesh.vertices, self.mesh.faces, camera)
+        return cv2.erode((face_index >= 0).astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
 
     def truth(self, texels: Texels) -> tuple[np.ndarray, np.ndarray]:
         """The true D of each texel (T, 3), linear, 1 = 255; its material (T,), of MATERIALS."""

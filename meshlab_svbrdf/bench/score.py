@@ -45,7 +45,7 @@ def _highlights(workload: Workload, document: Document) -> float:
         for index, raster in enumerate(views.rasters):
             expected = read_image(raster.path).astype(np.float64)
             got = read_image(Path(folder) / f"view_{index:02d}.png")[..., :3].astype(np.float64)
-            on = workload.covers(raster.camera)
+            on = workload.scene.covers(raster.camera)
             bright = expected.mean(-1)
             bright[~on] = -1
             high = bright >= np.quantile(bright[on], 1 - BRIGHTEST)

@@ -62,13 +62,20 @@ def _stages(run: Figures) -> Sheet:
         for row in [*rows, floor | {"name": "only decode these frames"}]
     ]  # fmt: skip
     per_sample = run["store_bytes"] / samples if samples else 0
+    notes = [
+        f"{samples:,} samples of {run['texels']:,} texels, {per_sample:.2f} bytes each on disk."
+    ]
+    if run["reduce"] > 1:
+        notes.append(f"Frames were reduced to 1/{run['reduce']} of their width while decoding.")
+    if run["compiled"]:
+        notes.append(f"{run['compiled']} kernels were compiled meanwhile: measure again.")
     return Sheet(
         f"{frames} frames, preset {run['preset']} ({run['frames_used']} used), "
         f"{run['threads']} threads",
         ["stage", "s", "CPU s", "ms/frame", "CPU ms/frame", "M samples/s",
          "× decode", "CPU × decode", "peak MiB"],
         cells,
-        (f"{samples:,} samples of {run['texels']:,} texels, {per_sample:.2f} bytes each on disk.",),
+        tuple(notes),
     )  # fmt: skip
 
 

@@ -8,35 +8,29 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections import deque
 from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-import cv2
 import numpy as np
 
-from ..document.atomic import replacing
-from ..document.images import write_exr, write_png
 from ..document.mesh_files import write_ply
 from ..document.project import new_project, write_project
+from ..document.video_rasters import add_video
 from ..errors import SvbrdfError
 from ..geometry.camera import Camera
-from ..geometry.raster import rasterise
 from ..geometry.texels import Texels, rasterise_texels
-from ..threads import thread_count
-from .scene import AMBIENT, LAMPS, MATERIALS, BenchScene
-from .walk import FAR, frame_camera, look, turn_of
+from .files import SUFFIXES, ahead, write_image, write_video
+from .scene import BenchScene
+from .truth import write_truth, write_views
+from .walk import frame_camera, turn_of
 
 VERSION = 1  # of the generator: raise it when the same options give other files
-FORMATS = {"jpeg": ".jpg", "png": ".png"}
-VIEWS = ((0.2, 0.55), (1.7, 0.1), (3.3, 0.8), (4.9, 0.3))  # held out: azimuth, elevation
 
 
 @dataclass(frozen=True)
 class Options:
-    """triangles : about how many; width, height : pixels; format : one of FORMATS
+    """triangles : about how many; width, height : pixels; format : one of SUFFIXES
 
     quality : of JPEG; noise : standard deviation in code values; step : degrees between frames;
     truth : side of the image of the true D
@@ -75,46 +69,66 @@ class Workload:
         if not path.is_file():
             project = new_project()
             project.add_mesh("bench", self.folder / "bench.ply")
-            for index in range(frames):
-                frame = self.frame_path(index)
-                project.add_raster(
-                    f"{frame.parent.name}_{frame.name}", frame, self.camera(index),
-                    sequence=frame.parent.name,
-                )  # fmt: skip
+            for turn, indices in self.turns(frames).items():
+                cameras = {index: self.camera(index) for index in indices}
+                if self.options.format == "h264":
+                    own = {index - indices[0]: camera for index, camera in cameras.items()}
+                    add_video(project, path.with_suffix(".svbrdf"), self.video(turn), own)
+                    continue
+                for index, camera in cameras.items():
+                    frame = self.frame_path(index)
+                    label = f"{frame.parent.name}_{frame.name}"
+                    project.add_raster(label, frame, camera, sequence=frame.parent.name)
             write_project(project, path)
         return path
+
+    def turns(self, frames: int) -> dict[int, list[int]]:
+        """The first frames by the walk around the object that they are of."""
+        found: dict[int, list[int]] = {}
+        for index in range(frames):
+            found.setdefault(turn_of(index, self.options.step), []).append(index)
+        return found
+
+    def video(self, turn: int) -> Path:
+        """Of one turn: one that has its frames, if only as its first ones; else the one to make."""
+        count = len(self.turns(self.frames)[turn])
+        made = sorted(self.folder.glob(f"turn{turn:02d}_*.mp4"))
+        long = [path for path in made if int(path.stem.split("_")[1]) >= count]
+        return (long or [self.folder / f"turn{turn:02d}_{count:05d}.mp4"])[0]
+
+    @property
+    def bytes(self) -> int:
+        """On the disk, of all frames (of whole videos)."""
+        turns = self.turns(self.frames)
+        paths = (
+            [self.video(turn) for turn in turns]
+            if self.options.format == "h264"
+            else [self.frame_path(index) for index in range(self.frames)]
+        )
+        return sum(path.stat().st_size for path in paths)
 
     def camera(self, index: int) -> Camera:
         o = self.options
         return frame_camera(index, o.width, o.height, self.scene.reach, o.step)
 
     def frame_path(self, index: int) -> Path:
-        return _frame_path(self.folder, self.options, index)
+        """The image of a frame, where frames are images."""
+        turn, suffix = turn_of(index, self.options.step), SUFFIXES[self.options.format]
+        return self.folder / f"turn{turn:02d}" / f"{index:05d}{suffix}"
+
+    def frame(self, index: int) -> np.ndarray:
+        """Render a frame, (H, W, 3) uint8 sRGB."""
+        return self.scene.frame(self.camera(index), index)
 
     def texels(self, size: int) -> Texels:
         return rasterise_texels(self.scene.mesh, ((size, size),))
 
-    def covers(self, camera: Camera) -> np.ndarray:
-        """Which pixels show the object, (H, W) bool, its outline left out."""
-        mesh = self.scene.mesh
-        _, face_index = rasterise(mesh.vertices, mesh.faces, camera)
-        return cv2.erode((face_index >= 0).astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
-
     def views(self) -> Path:
         """A project of views that no frame has, rendered without noise."""
-        folder = self.folder / "ground_truth" / "views"
-        path = folder / "project.mlp"
+        path = self.folder / "ground_truth" / "views" / "project.mlp"
         if not path.is_file():
-            folder.mkdir(parents=True, exist_ok=True)
-            project = new_project()
-            project.add_mesh("bench", self.folder / "bench.ply")
-            o, reach = self.options, self.scene.reach
-            for index, (azimuth, elevation) in enumerate(VIEWS):
-                camera = look(azimuth, elevation, 1.05 * FAR, o.width // 2, o.height // 2, reach)
-                image = folder / f"view_{index:02d}.png"
-                write_png(image, self.scene.frame(camera, index, noise=False))
-                project.add_raster(image.name, image, camera)
-            write_project(project, path)
+            size = self.options.width // 2, self.options.height // 2
+            write_views(path, self.scene, self.folder / "bench.ply", size)
         return path
 
 
@@ -143,8 +157,10 @@ def make_workload(
     SvbrdfError : no such format.
     """
     options = options or Options()
-    if options.format not in FORMATS:
-        raise SvbrdfError(f"format: expected one of {', '.join(FORMATS)}, found {options.format!r}")
+    if options.format not in SUFFIXES:
+        raise SvbrdfError(
+            f"format: expected one of {', '.join(SUFFIXES)}, found {options.format!r}"
+        )
     words = json.dumps([VERSION, asdict(options)], sort_keys=True)
     name = f"{options.width}x{options.height}_{options.format}_{_digest(words)}"
     place = (folder or default_folder()).absolute() / name
@@ -154,62 +170,32 @@ def make_workload(
     if not (place / "bench.ply").is_file():
         write_ply(place / "bench.ply", scene.mesh)
     if not (place / "ground_truth" / "lights.json").is_file():
-        _write_truth(workload)
-    todo = [index for index in range(frames) if not workload.frame_path(index).is_file()]
+        write_truth(place / "ground_truth", scene, workload.texels(options.truth))
     _ = scene.seen  # once, not once a thread
-    with ThreadPoolExecutor(thread_count()) as pool:
-        pending: deque[Future[None]] = deque()
-        for done, index in enumerate(todo):
-            pending.append(pool.submit(_write_frame, workload, index))
-            if len(pending) > 2 * thread_count():
-                pending.popleft().result()
-            progress(done, len(todo))
-        for future in pending:
-            future.result()
+    if options.format == "h264":
+        _write_videos(workload, progress)
+    else:
+        _write_images(workload, progress)
     return workload
 
 
-def _frame_path(folder: Path, options: Options, index: int) -> Path:
-    turn = turn_of(index, options.step)
-    return folder / f"turn{turn:02d}" / f"{index:05d}{FORMATS[options.format]}"
+def _write_images(workload: Workload, progress: Callable[[int, int], None]) -> None:
+    todo = [k for k in range(workload.frames) if not workload.frame_path(k).is_file()]
+
+    def make(index: int) -> None:
+        quality = workload.options.quality
+        write_image(workload.frame_path(index), workload.frame(index), quality)
+
+    for done, _ in enumerate(ahead(make, todo)):
+        progress(done + 1, len(todo))
 
 
-def _write_frame(workload: Workload, index: int) -> None:
-    image = workload.scene.frame(workload.camera(index), index)
-    path = workload.frame_path(index)
-    path.parent.mkdir(exist_ok=True)
-    setting = (
-        [cv2.IMWRITE_JPEG_QUALITY, workload.options.quality]
-        if path.suffix == ".jpg"
-        else [cv2.IMWRITE_PNG_COMPRESSION, 1]
-    )
-    _, data = cv2.imencode(path.suffix, cv2.cvtColor(image, cv2.COLOR_RGB2BGR), setting)
-    with replacing(path) as temporary:
-        temporary.write_bytes(data.tobytes())
-
-
-def _write_truth(workload: Workload) -> None:
-    """Write D as an image, lamps and materials (lights.json last: it tells that all is there)."""
-    truth = workload.folder / "ground_truth"
-    truth.mkdir(exist_ok=True)
-    texels = workload.texels(workload.options.truth)
-    D, kind = workload.scene.truth(texels)
-    write_exr(truth / "diffuse_shaded.exr", texels.to_images(D.astype(np.float32))[0])
-    write_png(truth / "material_id.png", texels.to_images(kind.astype(np.uint8), 255)[0])
-    materials = [
-        {"id": index, "name": name, "rho_s": rho_s, "alpha": alpha}
-        for index, (name, rho_s, alpha) in enumerate(MATERIALS)
-    ]
-    _write_json(truth / "materials.json", {"bsdf": "phong", "materials": materials})
-    lamps = [
-        {"position": place.tolist(), "intensity": float(intensity)}
-        for place, intensity in zip(workload.scene.lamps[:, :3], LAMPS[:, 3], strict=True)
-    ]
-    _write_json(truth / "lights.json", {"emitters": lamps, "ambient_radiance": AMBIENT})
-
-
-def _write_json(path: Path, value: dict) -> None:
-    path.write_text(json.dumps(value, indent=1) + "\n", encoding="utf-8")
+def _write_videos(workload: Workload, progress: Callable[[int, int], None]) -> None:
+    turns = workload.turns(workload.frames)
+    todo = [turn for turn in turns if not workload.video(turn).is_file()]
+    for turn in todo:
+        write_video(workload.video(turn), ahead(workload.frame, turns[turn]))
+        progress(turns[turn][-1] + 1, workload.frames)
 
 
 def _digest(words: str) -> str:

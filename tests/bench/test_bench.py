@@ -125,7 +125,8 @@ def figures(frames, texels=1000, fixed=3.0, each=0.2):
     other = dict.fromkeys(("seconds", "cpu_seconds"), 0.1 * frames)
     stages = [{"name": "one"} | cost, {"name": "compute_svbrdf_samples"} | other]
     decode = dict.fromkeys(("seconds", "cpu_seconds"), 0.05 * frames)
-    return {"frames": frames, "frames_used": frames, "texels": texels, "samples": 100 * frames,
+    return {"frames": frames, "frames_used": frames, "texels": texels, "reduce": 1,
+            "samples": 100 * frames,
             "stages": stages, "decode": decode}  # fmt: skip
 
 

@@ -12,6 +12,7 @@ from meshlab_svbrdf.bench.scene import BenchScene
 from meshlab_svbrdf.bench.walk import frame_camera, turn_of
 from meshlab_svbrdf.bench.workload import Options, make_workload
 from meshlab_svbrdf.document.document import Document
+from meshlab_svbrdf.document.frames import Frames
 from meshlab_svbrdf.document.images import read_exr, read_frame
 from meshlab_svbrdf.document.project import read_project
 from meshlab_svbrdf.errors import SvbrdfError
@@ -87,6 +88,20 @@ def test_workload_is_made_once_and_equally(tmp_path, format):
     assert len(read_project(longer.first(3)).rasters) == 3
 
 
+def test_videos_show_the_frames_that_images_are_of(tmp_path):
+    workload = make_workload(tmp_path, 9, replace(TINY, format="h264", noise=0.0))
+    document = Document.open(workload.project)
+    sequences = [raster.sequence for raster in document.rasters]
+    assert len(set(sequences)) == 2
+    with Frames(document.rasters) as frames:
+        for index, raster in enumerate(document.rasters):
+            error = frames.read(raster).astype(int) - workload.frame(index)
+            assert np.abs(error).mean() < 3
+    made = workload.video(0).stat().st_mtime_ns
+    assert make_workload(tmp_path, 8, workload.options).video(0).stat().st_mtime_ns == made
+    assert len(Document.open(workload.first(3)).rasters) == 3
+
+
 def test_cameras_survive_the_project(tmp_path):
     workload = make_workload(tmp_path, 3, TINY)
     document = Document.open(workload.project)
@@ -140,5 +155,5 @@ def test_truth_lies_beside_the_frames(tmp_path):
 
 
 def test_unknown_format_is_refused(tmp_path):
-    with pytest.raises(SvbrdfError, match="expected one of jpeg, png"):
+    with pytest.raises(SvbrdfError, match="expected one of jpeg, png, h264"):
         make_workload(tmp_path, 1, replace(TINY, format="tiff"))
