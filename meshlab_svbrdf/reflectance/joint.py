@@ -33,9 +33,9 @@ WEAKEST = 0.05
 """Of the strongest gain, below which a light is none."""
 RENEWED = 2
 """The round before which all texels are chosen, since it is known how flat they must be; the rounds
-before make do with a quarter."""
-SETTLE = 3
-"""The round after which it is decided which lights there are, and which of them are far."""
+before make do with a quarter, and are left out where the materials are known about."""
+SETTLE = 1
+"""Rounds later it is decided which lights there are, and which of them are far."""
 STILL = 1e-3
 """Change of ln ρs and ln α below which the rounds end."""
 
@@ -87,6 +87,7 @@ def fit(
     censoring: bool = True,
     curvature: float = 0.8,
     lens: bool = False,
+    known: Sequence[Material] | None = None,
     ids: np.ndarray | None = None,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> JointFit:
@@ -103,6 +104,7 @@ def fit(
     near, long, censoring : near lights; long lamps; clipped samples as lower bounds
     curvature : c of "twice the normal's turn per pixel < c/√α"; 0 takes every texel
     lens : find how far lens, motion and registration blur highlights beyond what pixels do
+    known : about what the materials are, from a fit to fewer samples that found the lights
     ids : (M,) what the materials are called in notes
     """
     count = int(material.max(initial=-1)) + 1
@@ -113,6 +115,12 @@ def fit(
         return JointFit([], [Material(np.nan, np.nan, False, why)] * count, [], [why])
     counts = observations.store.counts()
     rho, alpha, blur = np.zeros(count), np.full(count, FIRST_ALPHA), 1.0
+    renew = RENEWED
+    if known is not None:
+        rho = np.array([np.nan_to_num(m.rho_s) for m in known])
+        alpha = np.array([m.alpha if m.observed else 1.0 for m in known])
+        renew = 0
+    settle = renew + SETTLE
 
     def gather(
         pool: ThreadPoolExecutor,
@@ -139,29 +147,29 @@ def fit(
 
     most, samples = samples, affordable(samples, lights)
     with ThreadPoolExecutor(thread_count()) as pool:
-        state = gather(pool, samples // 4)
+        state = gather(pool, samples // 4) if renew else renewed(pool)
         free, error = np.full(len(lights), near), np.zeros(len(lights))
         for r in range(rounds):
             state.light(lights)
-            if r == RENEWED:
+            if 0 < r == renew:
                 state = renewed(pool)
             # Find ρs and α of every material under the present lights
-            profiles = state.profiles(None if r in (0, RENEWED) else alpha)
+            profiles = state.profiles(None if renew and r in (0, renew) else alpha)
             rho = np.array([p.rho_s for p in profiles])
             alpha = np.array([p.alpha for p in profiles])
             # Weigh the samples by their residuals, then move the lights
             state.predict(rho, alpha)
-            state.reweigh(use_clipped=censoring and r > 0)
+            state.reweigh(use_clipped=censoring and (r > 0 or not renew))
             history.append({"rho_s": rho.tolist(), "alpha": alpha.tolist()})
-            if r > SETTLE and _converged(history[-2], history[-1]):
+            if r > settle and _converged(history[-2], history[-1]):
                 break
             if r < rounds - 1:
                 usable = np.where([p.at_end for p in profiles], 0.0, rho)
                 lights, error = refine_lights(
                     lights, state.samples, state.weight, state.residual, state.position, state.rays,
-                    state.gains, state.lamps, usable, alpha, state.chunks, near=free & (r > 0),
+                    state.gains, state.lamps, usable, alpha, state.chunks, near=free & (r > 0 or not renew),
                 )  # fmt: skip
-            if r == min(SETTLE, rounds - 1):
+            if r == min(settle, rounds - 1):
                 lights, free = _settle(lights, free, error, notes)
                 if long:
                     few = gather(pool, samples // 4)

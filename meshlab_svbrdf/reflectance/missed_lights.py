@@ -19,7 +19,7 @@ from ..samples.observations import Observations, View, fill_visibility, visibili
 from ..threads import thread_count
 from .fit_samples import choose_texels, collect, flat_limits
 from .fit_state import FitState
-from .joint import FIRST_ALPHA, JointFit, fit
+from .joint import FIRST_ALPHA, JointFit, Material, fit
 from .light_evidence import hear
 from .lights import Light
 
@@ -146,7 +146,7 @@ def complete_lights(
     samples: int = 2_000_000,
     curvature: float = 0.8,
     **options,
-) -> tuple[list[Light], list[str]]:
+) -> tuple[list[Light], list[Material] | None, list[str]]:
     """Refine the lights on few samples, and add those that the samples show beside them.
 
     One at a time: the direction that would explain most of what is left is fitted together with the
@@ -159,6 +159,7 @@ def complete_lights(
     Returns
     -------
     lights : refined; as given where no material's gloss is observed
+    materials : what they are about; None where no material's gloss is observed
     notes : what was added
     """
 
@@ -170,7 +171,7 @@ def complete_lights(
 
     found = fitted(lights) if lights else JointFit([], [], [], [])
     if not found.lights:
-        return lights, []
+        return lights, None, []
     added = 0
     with ThreadPoolExecutor(thread_count()) as pool:
         state = _others(observations, material, found, turn, footprint, samples, curvature, pool)
@@ -189,7 +190,7 @@ def complete_lights(
                 break
             found, added = trial, added + 1
     note = f"{added} lights added that the environment map does not show"
-    return found.lights, [note] if added else []
+    return found.lights, found.materials, [note] if added else []
 
 
 def _lobes(found: JointFit) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
