@@ -76,7 +76,7 @@ def estimate(
         return lambda done, total: progress(start + (stop - start) * done / max(total, 1), what)
 
     notes: list[str] = []
-    known: list[Material] | None = None
+    known: dict | None = None
     if complete:
         lights, known, notes = complete_lights(
             observations, material, lights, turn, footprint, **options
@@ -88,7 +88,7 @@ def estimate(
             observations, material, lights, turn, footprint, **options, known=known,
             progress=part(step * k, step * (k + 0.5), "fitting"),
         )  # fmt: skip
-        lights, known = found.lights, found.materials
+        lights, known = found.lights, found.rounds[-1] if found.rounds else None
         columns = [(m.rho_s, m.alpha, m.noise) for m in found.materials]
         rho_s, alpha, noise = np.array(columns).reshape(-1, 3).T
         if not correct_normals or k == CORRECTIONS:

@@ -1,4 +1,4 @@
-"""Phong lobes of all samples of a texel at once, sharp or blurred by their pixels (`pixel_blur`)."""
+"""Phong lobes of all samples of a texel at once, sharp or blurred by pixels (`pixel_blur`)."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ from ..samples.observations import Observations, View, fill_visibility, visibili
 from ..threads import thread_count
 from .fit_samples import choose_texels, collect, flat_limits
 from .fit_state import FitState
-from .joint import FIRST_ALPHA, JointFit, Material, fit
+from .joint import FIRST_ALPHA, JointFit, fit
 from .light_evidence import hear
 from .lights import Light
 
@@ -146,7 +146,7 @@ def complete_lights(
     samples: int = 2_000_000,
     curvature: float = 0.8,
     **options,
-) -> tuple[list[Light], list[Material] | None, list[str]]:
+) -> tuple[list[Light], dict | None, list[str]]:
     """Refine the lights on few samples, and add those that the samples show beside them.
 
     One at a time: the direction that would explain most of what is left is fitted together with the
@@ -159,7 +159,7 @@ def complete_lights(
     Returns
     -------
     lights : refined; as given where no material's gloss is observed
-    materials : what they are about; None where no material's gloss is observed
+    known : what the materials are about, for `joint.fit`; None where no gloss is observed
     notes : what was added
     """
 
@@ -190,7 +190,7 @@ def complete_lights(
                 break
             found, added = trial, added + 1
     note = f"{added} lights added that the environment map does not show"
-    return found.lights, found.materials, [note] if added else []
+    return found.lights, found.rounds[-1], [note] if added else []
 
 
 def _lobes(found: JointFit) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
