@@ -48,7 +48,8 @@ FILTER = Filter(
         ),
         Parameter(
             "rounds", "int", 10, minimum=3, maximum=50,
-            help="Of the joint fit, at most; it ends when nothing moves by more than .1 %.",
+            help="Of the joint fit, at most; it ends when nothing moves by more "
+            "than .1 % or a tenth of its error.",
         ),
         Parameter(
             "samples", "int", 2_000_000, minimum=10_000,

@@ -65,7 +65,8 @@ def surface_shape(position: np.ndarray, normal: np.ndarray) -> np.ndarray:
 
 def steepest_turn(shape: np.ndarray) -> np.ndarray:
     """The largest turn of the normal per unit of x in any direction, (T,); inf where not known."""
-    known = np.isfinite(shape[:, 0, 0])
-    turn = np.full(len(shape), np.inf)
-    turn[known] = np.linalg.norm(shape[known], ord=2, axis=(1, 2))
-    return turn
+    # Of SᵀS two eigenvalues are not 0: they follow from their sum and that of their squares
+    square = np.einsum("tij,tik->tjk", shape, shape, dtype=np.float64)
+    trace, squares = np.einsum("tii->t", square), np.einsum("tij,tij->t", square, square)
+    largest = (trace + np.sqrt(np.maximum(2 * squares - trace**2, 0))) / 2
+    return np.where(np.isfinite(largest), np.sqrt(largest), np.inf)

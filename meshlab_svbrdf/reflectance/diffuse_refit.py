@@ -78,10 +78,10 @@ def _refit(block, view, material, gloss, tint, bulbs, diffuse):
                 np.float32(0.2126) * red[j] + np.float32(0.7152) * green[j]
                 + np.float32(0.0722) * blue[j] - shine[j]
             )  # fmt: skip
+        for j in range(n):
+            w[j] = abs(e[j] - np.float32(d))
+        h0 = np.float32(max(LEAST_SCALE, 1.68 * np.median(w[:n])))
         for _ in range(2):
-            for j in range(n):
-                w[j] = abs(e[j] - np.float32(d))
-            h0 = np.float32(max(LEAST_SCALE, 1.68 * np.median(w[:n])))
             top, weight = _weigh(n, e, np.float32(d), shine, quality, bound, h0, w)
             if weight > 0:
                 d = top / weight

@@ -76,16 +76,19 @@ def estimate(
         return lambda done, total: progress(start + (stop - start) * done / max(total, 1), what)
 
     notes: list[str] = []
+    known: dict | None = None
     if complete:
-        lights, notes = complete_lights(observations, material, lights, turn, footprint, **options)
+        lights, known, notes = complete_lights(
+            observations, material, lights, turn, footprint, **options
+        )
     corrected = None
     step = 0.75 / (1 + CORRECTIONS)
     for k in range(1 + CORRECTIONS):
         found = fit(
-            observations, material, lights, turn, footprint, **options,
+            observations, material, lights, turn, footprint, **options, known=known,
             progress=part(step * k, step * (k + 0.5), "fitting"),
         )  # fmt: skip
-        lights = found.lights
+        lights, known = found.lights, found.rounds[-1] if found.rounds else None
         columns = [(m.rho_s, m.alpha, m.noise) for m in found.materials]
         rho_s, alpha, noise = np.array(columns).reshape(-1, 3).T
         if not correct_normals or k == CORRECTIONS:

@@ -10,6 +10,7 @@ from numba import njit
 
 from ..samples.observations import Observations
 from .elimination import Profile, eliminate, profile
+from .evidence import Evidence, weigh_evidence
 from .fit_samples import FitSamples, longest
 from .lights import Light
 from .lobes import add_blurred
@@ -126,6 +127,13 @@ class FitState:
             a, b, s.offsets, s.material, s.luminance, s.mirror, s.blur, self.rays, self.gains,
             rho, alpha, self.weight, self.specular, self.residual,
         ))  # fmt: skip
+
+    def evidence(self, noise: np.ndarray | None = None) -> list[Evidence]:
+        """What speaks for the lobes predicted; noise (M,): of the residuals, 0 where not given."""
+        noise = np.zeros(self.materials) if noise is None else noise
+        return weigh_evidence(
+            self.samples, self.weight, self.specular, self.residual, noise, self.chunks
+        )
 
     def reweigh(self, use_clipped: bool) -> np.ndarray:
         s = self.samples

@@ -15,19 +15,21 @@ STEEPEST = 0.1
 """Cosine of the steepest view: beyond it a pixel would cover without end."""
 STEP = 1.48 / np.sqrt(2)
 """Standard deviation of normal noise over the median step between two samples."""
-STEPS = 32
-"""Of a texel's steps, evenly spaced, how many are looked at."""
+LOOKED_AT = 32
+"""Samples of a texel, evenly spaced, from which on no more are looked at."""
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _footprints(block, view, pixel, out, noise):
-    steps = np.empty(STEPS)
+    steps = np.empty(2 * LOOKED_AT)
     for i in range(block.stop - block.first):
         t = block.first + i
         nx, ny, nz = view.normal[t, 0], view.normal[t, 1], view.normal[t, 2]
         ax, ay, az, bx, by, bz = tangents(nx, ny, nz)
         aa, ab, bb, weight = 0.0, 0.0, 0.0, 0.0
-        for j in range(block.offsets[i], block.offsets[i + 1]):
+        first, last = block.offsets[i], block.offsets[i + 1] - 1
+        n, stride, count = last + 1 - first, max(1, (last + 1 - first) // LOOKED_AT), 0
+        for j in range(first, last + 1, stride):
             f = block.frame[j]
             vx = view.eyes[f, 0] - view.position[t, 0]
             vy = view.eyes[f, 1] - view.position[t, 1]
@@ -44,15 +46,13 @@ def _footprints(block, view, pixel, out, noise):
             ab += area * a * b
             bb += area * (1.0 + b * b)
             weight += w
+            # Take the noise from neighbours in time: highlights pass slowly
+            if j < last:
+                step = sample_luminance(block, view, j + 1) - sample_luminance(block, view, j)
+                steps[count] = abs(step)
+                count += 1
         if weight > 0.0:
             out[t, 0], out[t, 1], out[t, 2] = aa / weight, ab / weight, bb / weight
-        # Take the noise from neighbours in time: highlights pass slowly
-        first, n = block.offsets[i], block.offsets[i + 1] - block.offsets[i]
-        stride, count = 1 + max(n - 2, 0) // STEPS, 0
-        for j in range(first, first + n - 1, stride):
-            here, next_ = sample_luminance(block, view, j), sample_luminance(block, view, j + 1)
-            steps[count] = abs(next_ - here)
-            count += 1
         if count > 0:
             noise[t] = STEP * np.median(steps[:count]) / np.sqrt(n)
 

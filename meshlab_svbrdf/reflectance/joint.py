@@ -17,7 +17,7 @@ from ..samples.observations import Observations
 from ..threads import thread_count
 from .blur_fit import fit_blur
 from .elimination import ALPHAS, Profile
-from .evidence import Evidence, highlight_color, verdict, weigh_evidence
+from .evidence import Evidence, highlight_color, verdict
 from .fit_samples import choose_texels, collect, flat_limits
 from .fit_state import FitState, huber_scale
 from .light_refinement import refine_lights
@@ -33,11 +33,13 @@ WEAKEST = 0.05
 """Of the strongest gain, below which a light is none."""
 RENEWED = 2
 """The round before which all texels are chosen, since it is known how flat they must be; the rounds
-before make do with a quarter."""
-SETTLE = 3
-"""The round after which it is decided which lights there are, and which of them are far."""
+before make do with a quarter, and are left out where the materials are known about."""
+SETTLE = 1
+"""Rounds later it is decided which lights there are, and which of them are far."""
 STILL = 1e-3
 """Change of ln ρs and ln α below which the rounds end."""
+SURE = 0.1
+"""Of the error of ρs, the change that does not keep them going either."""
 
 
 @dataclass(frozen=True)
@@ -87,6 +89,7 @@ def fit(
     censoring: bool = True,
     curvature: float = 0.8,
     lens: bool = False,
+    known: dict | None = None,
     ids: np.ndarray | None = None,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> JointFit:
@@ -99,10 +102,11 @@ def fit(
     turn : (T,) how fast the normal turns, radians per radius
     footprint : a pixel's size on the object, in radii
     rounds : at most, of elimination, weights and Gauss-Newton; κ is free from the second on. They
-        end when no ρs or α moves by more than .1 %
+        end when no ρs or α moves by more than .1 %, or a tenth of its error
     near, long, censoring : near lights; long lamps; clipped samples as lower bounds
     curvature : c of "twice the normal's turn per pixel < c/√α"; 0 takes every texel
     lens : find how far lens, motion and registration blur highlights beyond what pixels do
+    known : about what the materials are: the last of the rounds of the fit that found the lights
     ids : (M,) what the materials are called in notes
     """
     count = int(material.max(initial=-1)) + 1
@@ -113,6 +117,10 @@ def fit(
         return JointFit([], [Material(np.nan, np.nan, False, why)] * count, [], [why])
     counts = observations.store.counts()
     rho, alpha, blur = np.zeros(count), np.full(count, FIRST_ALPHA), 1.0
+    renew = RENEWED
+    if known is not None:
+        rho, alpha, renew = np.array(known["rho_s"]), np.array(known["alpha"]), 0
+    settle = renew + SETTLE
 
     def gather(
         pool: ThreadPoolExecutor,
@@ -139,32 +147,33 @@ def fit(
 
     most, samples = samples, affordable(samples, lights)
     with ThreadPoolExecutor(thread_count()) as pool:
-        state = gather(pool, samples // 4)
+        state = gather(pool, samples // 4) if renew else renewed(pool)
         free, error = np.full(len(lights), near), np.zeros(len(lights))
         for r in range(rounds):
             state.light(lights)
-            if r == RENEWED:
+            if 0 < r == renew:
                 state = renewed(pool)
             # Find ρs and α of every material under the present lights
-            profiles = state.profiles(None if r in (0, RENEWED) else alpha)
+            profiles = state.profiles(None if renew and r in (0, renew) else alpha)
             rho = np.array([p.rho_s for p in profiles])
             alpha = np.array([p.alpha for p in profiles])
             # Weigh the samples by their residuals, then move the lights
             state.predict(rho, alpha)
-            state.reweigh(use_clipped=censoring and r > 0)
+            state.reweigh(use_clipped=censoring and (r > 0 or not renew))
             history.append({"rho_s": rho.tolist(), "alpha": alpha.tolist()})
-            if r > SETTLE and _converged(history[-2], history[-1]):
+            if r > settle and _converged(history[-2], history[-1], state.evidence()):
                 break
             if r < rounds - 1:
                 usable = np.where([p.at_end for p in profiles], 0.0, rho)
+                loose = free & (r > 0 or not renew)
                 lights, error = refine_lights(
                     lights, state.samples, state.weight, state.residual, state.position, state.rays,
-                    state.gains, state.lamps, usable, alpha, state.chunks, near=free & (r > 0),
+                    state.gains, state.lamps, usable, alpha, state.chunks, near=loose,
                 )  # fmt: skip
-            if r == min(SETTLE, rounds - 1):
+            if r == min(settle, rounds - 1):
                 lights, free = _settle(lights, free, error, notes)
                 if long:
-                    few = gather(pool, samples // 4)
+                    few = gather(pool, samples // 8)
                     lights = fit_lengths(lights, _trial(few, lights, rho, alpha))
                     before, samples = samples, affordable(most, lights)
                     if samples != before:
@@ -186,9 +195,7 @@ def fit(
         test.light(lights)
         test.predict(rho, alpha)
         noise = huber_scale(state.samples, state.residual, state.weight, count) / 1.68 * 1.48
-        evidence = weigh_evidence(
-            test.samples, test.weight, test.specular, test.residual, noise, test.chunks
-        )
+        evidence = test.evidence(noise)
     materials = [
         _judge(p, e, s, int((material == m).sum()))
         for m, (p, e, s) in enumerate(zip(profiles, evidence, noise, strict=True))
@@ -236,10 +243,11 @@ def _blurred(
     return unexplained
 
 
-def _converged(before: dict, after: dict) -> bool:
+def _converged(before: dict, after: dict, evidence: list[Evidence]) -> bool:
     """Whether no material's ρs or α has moved (materials without a lobe stay at 0)."""
     old, new = (np.array([h["rho_s"], h["alpha"]]) for h in (before, after))
-    return bool(np.all(np.abs(new - old) <= STILL * np.abs(old)))
+    little = [max(STILL, SURE / e.z) if e.z > 0 else np.inf for e in evidence]
+    return bool(np.all(np.abs(new - old) <= little * np.abs(old)))
 
 
 def _settle(

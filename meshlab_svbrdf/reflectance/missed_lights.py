@@ -146,7 +146,7 @@ def complete_lights(
     samples: int = 2_000_000,
     curvature: float = 0.8,
     **options,
-) -> tuple[list[Light], list[str]]:
+) -> tuple[list[Light], dict | None, list[str]]:
     """Refine the lights on few samples, and add those that the samples show beside them.
 
     One at a time: the direction that would explain most of what is left is fitted together with the
@@ -159,6 +159,7 @@ def complete_lights(
     Returns
     -------
     lights : refined; as given where no material's gloss is observed
+    known : what the materials are about, for `joint.fit`; None where no gloss is observed
     notes : what was added
     """
 
@@ -170,7 +171,7 @@ def complete_lights(
 
     found = fitted(lights) if lights else JointFit([], [], [], [])
     if not found.lights:
-        return lights, []
+        return lights, None, []
     added = 0
     with ThreadPoolExecutor(thread_count()) as pool:
         state = _others(observations, material, found, turn, footprint, samples, curvature, pool)
@@ -189,7 +190,7 @@ def complete_lights(
                 break
             found, added = trial, added + 1
     note = f"{added} lights added that the environment map does not show"
-    return found.lights, [note] if added else []
+    return found.lights, found.rounds[-1], [note] if added else []
 
 
 def _lobes(found: JointFit) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -24,7 +24,7 @@ from .lights import Light
 from .microfacet import BECKMANN, GGX, NAMES, PHONG, Gloss, Microfacets
 from .model_fit import SHAPES, compare, first_half, fit_kind, noise_of, refit, unexplained
 
-TRIAL, FINAL = 12, 6
+TRIAL, FINAL = 24, 6
 """One sample in so many of the joint fit's decides, and one in so many is fitted in the end."""
 WORTHWHILE = 1.0
 """dB by which microfacets must predict unseen samples better than Phong's lobe."""

@@ -220,7 +220,7 @@ def refine_normals(
     noise: np.ndarray,
     lights: list[Light],
     *,
-    trial_texels: int = 8_000,
+    trial_texels: int = 4_000,
     progress=lambda done, total: None,
 ) -> NormalRefinement:
     """Correct the texels' normals, if that predicts samples that the corrections have not seen.

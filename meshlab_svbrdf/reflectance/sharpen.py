@@ -9,6 +9,7 @@ goes to 0 where B − K D is no more than the noise of B.
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
 
 import numpy as np
 from numba import njit
@@ -23,6 +24,7 @@ REACH = 4
 """Texels around one that may blur into it; finer textures are sharpened less."""
 CUT = 9.0
 """Square of the Mahalanobis distance beyond which nothing blurs in."""
+PIECES = 64
 ROUNDS = 8
 NOISE = 5.0
 """Standard errors of B at which the gain is a half."""
@@ -31,53 +33,39 @@ DARKER = 0.2
 
 
 @njit(cache=True, nogil=True)
-def _row(t, position, normal, row, col, covariance, index, columns, weights):
-    """The texels that blur into t, and how much (not normalised); returns how many."""
+def _rows(first, stop, position, normal, row, col, covariance, index, counts, columns, weights):
+    """The texels that blur into first..stop, and how much; returns how many they are."""
     height, width = index.shape
-    nx, ny, nz = normal[t, 0], normal[t, 1], normal[t, 2]
-    ax, ay, az, bx, by, bz = tangents(nx, ny, nz)
-    aa, ab, bb = SPREAD * covariance[t, 0], SPREAD * covariance[t, 1], SPREAD * covariance[t, 2]
-    determinant = aa * bb - ab * ab
-    if not determinant > 0.0:
-        return 0
     n = 0
-    for r in range(max(row[t] - REACH, 0), min(row[t] + REACH + 1, height)):
-        for c in range(max(col[t] - REACH, 0), min(col[t] + REACH + 1, width)):
-            u = index[r, c]
-            if u < 0 or not covariance[u, 0] > 0.0:
-                continue
-            if normal[u, 0] * nx + normal[u, 1] * ny + normal[u, 2] * nz <= 0.0:
-                continue
-            x = position[u, 0] - position[t, 0]
-            y = position[u, 1] - position[t, 1]
-            z = position[u, 2] - position[t, 2]
-            a, b = x * ax + y * ay + z * az, x * bx + y * by + z * bz
-            off = x * nx + y * ny + z * nz
-            d2 = (bb * a * a - 2.0 * ab * a * b + aa * b * b) / determinant + off * off / (aa + bb)
-            if d2 < CUT:
-                columns[n], weights[n] = u, np.exp(-0.5 * d2)
-                n += 1
+    for t in range(first, stop):
+        nx, ny, nz = normal[t, 0], normal[t, 1], normal[t, 2]
+        ax, ay, az, bx, by, bz = tangents(nx, ny, nz)
+        aa, ab, bb = SPREAD * covariance[t, 0], SPREAD * covariance[t, 1], SPREAD * covariance[t, 2]
+        determinant = aa * bb - ab * ab
+        if not determinant > 0.0:
+            continue
+        start, total = n, 0.0
+        for r in range(max(row[t] - REACH, 0), min(row[t] + REACH + 1, height)):
+            for c in range(max(col[t] - REACH, 0), min(col[t] + REACH + 1, width)):
+                u = index[r, c]
+                if u < 0:
+                    continue
+                x = position[u, 0] - position[t, 0]
+                y = position[u, 1] - position[t, 1]
+                z = position[u, 2] - position[t, 2]
+                a, b = x * ax + y * ay + z * az, x * bx + y * by + z * bz
+                off = x * nx + y * ny + z * nz
+                d2 = (bb * a * a - 2.0 * ab * a * b + aa * b * b) / determinant
+                d2 += off * off / (aa + bb)
+                facing = normal[u, 0] * nx + normal[u, 1] * ny + normal[u, 2] * nz
+                if d2 < CUT and facing > 0.0:
+                    columns[n], weights[n] = u, np.exp(-0.5 * d2)
+                    total += weights[n]
+                    n += 1
+        for k in range(start, n):
+            weights[k] /= total
+        counts[t] = n - start
     return n
-
-
-@njit(cache=True, nogil=True)
-def _count(first, stop, position, normal, row, col, covariance, index, counts):
-    columns, weights = np.empty((2 * REACH + 1) ** 2, np.int32), np.empty((2 * REACH + 1) ** 2)
-    for t in range(first, stop):
-        counts[t] = _row(t, position, normal, row, col, covariance, index, columns, weights)
-
-
-@njit(cache=True, nogil=True)
-def _fill(
-    first, stop, position, normal, row, col, covariance, index, offsets, all_columns, all_weights
-):
-    columns, weights = np.empty((2 * REACH + 1) ** 2, np.int32), np.empty((2 * REACH + 1) ** 2)
-    for t in range(first, stop):
-        n = _row(t, position, normal, row, col, covariance, index, columns, weights)
-        total = weights[:n].sum()
-        for k in range(n):
-            all_columns[offsets[t] + k] = columns[k]
-            all_weights[offsets[t] + k] = weights[k] / total
 
 
 def blur_kernel(texels: Texels, covariance: np.ndarray) -> csr_array:
@@ -88,10 +76,10 @@ def blur_kernel(texels: Texels, covariance: np.ndarray) -> csr_array:
     """
     count = len(texels)
     counts = np.zeros(count, np.int64)
-    edges = np.linspace(0, count, 65).astype(int)
+    seen = covariance[:, 0] > 0
     images = [np.full(size, -1, np.int32) for size in texels.sizes]
     for number, image in enumerate(images):
-        own = np.flatnonzero(texels.texture == number)
+        own = np.flatnonzero((texels.texture == number) & seen)
         image[texels.row[own], texels.col[own]] = own
     # Lay the textures below one another, out of each other's reach
     widest = max(size[1] for size in texels.sizes)
@@ -99,17 +87,20 @@ def blur_kernel(texels: Texels, covariance: np.ndarray) -> csr_array:
     tops = np.cumsum([0, *(len(image) for image in padded[:-1])])
     index = np.concatenate(padded)
     row = (texels.row + tops[texels.texture]).astype(np.int32)
-    where = (texels.position, texels.normal, row, texels.col, covariance, index)
+
+    def rows(piece: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
+        most = (piece[1] - piece[0]) * (2 * REACH + 1) ** 2
+        columns, weights = np.empty(most, np.int32), np.empty(most, np.float32)
+        n = _rows(
+            *piece, texels.position, texels.normal, row, texels.col, covariance, index, counts,
+            columns, weights,
+        )  # fmt: skip
+        return columns[:n].copy(), weights[:n].copy()
+
     with ThreadPoolExecutor(thread_count()) as pool:
-        list(pool.map(lambda a, b: _count(a, b, *where, counts), edges[:-1], edges[1:]))
-        offsets = np.concatenate([[0], np.cumsum(counts)])
-        columns = np.empty(offsets[-1], np.int32)
-        weights = np.empty(offsets[-1], np.float32)
-        list(
-            pool.map(
-                lambda a, b: _fill(a, b, *where, offsets, columns, weights), edges[:-1], edges[1:]
-            )
-        )
+        pieces = list(pool.map(rows, pairwise(np.linspace(0, count, PIECES + 1).astype(int))))
+    columns, weights = (np.concatenate(part) for part in zip(*pieces, strict=True))
+    offsets = np.concatenate([[0], np.cumsum(counts)])
     return csr_array((weights, columns, offsets), shape=(count, count))
 
 
@@ -127,11 +118,11 @@ def sharpen(
     known = np.isfinite(blurred).all(1) & (covariance[:, 0] > 0)
     kernel = blur_kernel(texels, np.where(known[:, None], covariance, 0).astype(np.float32))
     start = np.where(known[:, None], blurred, 0).astype(np.float32)
-    threshold = (NOISE * np.nan_to_num(noise[:, None])) ** 4
+    threshold = (np.float32(NOISE) * np.nan_to_num(noise[:, None]).astype(np.float32)) ** 4
     sharp = start.copy()
     for _ in range(ROUNDS):
         missing = start - kernel @ sharp
-        fourth = missing**4
-        gain = fourth / np.maximum(fourth + threshold, 1e-30)
-        sharp = np.maximum(sharp + gain * missing, DARKER * start)
+        fourth = (missing * missing) ** 2
+        fourth /= np.maximum(fourth + threshold, np.float32(1e-30))
+        sharp = np.maximum(sharp + fourth * missing, np.float32(DARKER) * start)
     return np.where(known[:, None], sharp, blurred).astype(np.float32)

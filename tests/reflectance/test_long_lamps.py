@@ -166,7 +166,7 @@ def test_joint_fit_finds_a_window(tmp_path):
     )  # fmt: skip
     start = [replace(g, bar=np.zeros(3), breadth=0.0, gain=1.0, curvature=0.0) for g in truth]
     args = (scene.observations, scene.material)
-    lights, _ = complete_lights(*args, start, np.full(T, 1.5), 0.005, samples=1_000_000)
+    lights, *_ = complete_lights(*args, start, np.full(T, 1.5), 0.005, samples=1_000_000)
     found = fit(*args, lights, np.full(T, 1.5), 0.005, samples=1_000_000)
     wide = found.lights[0]
     assert len(found.lights) == 2

@@ -111,7 +111,7 @@ def test_witnesses_speak_for_lamps_and_against_ghosts(state):
 
 
 def test_completes_the_lights(scene):
-    lights, notes = complete_lights(
+    lights, _, notes = complete_lights(
         scene.observations, scene.material, LIGHTS[:1], TURN, FOOTPRINT, samples=600_000
     )
     assert len(lights) == 3
@@ -125,7 +125,7 @@ def test_completes_the_lights(scene):
 
 def test_adds_none_where_none_is_missed(scene):
     given = [replace(light, curvature=0.0) for light in LIGHTS]
-    lights, notes = complete_lights(
+    lights, _, notes = complete_lights(
         scene.observations, scene.material, given, TURN, FOOTPRINT, samples=600_000
     )
     assert len(lights) == 3
@@ -139,5 +139,5 @@ def test_without_gloss_the_lights_stay_as_they_are(tmp_path):
     )  # fmt: skip
     arguments = scene.observations, scene.material
     turn = np.full(400, 1.5)
-    assert complete_lights(*arguments, LIGHTS, turn, FOOTPRINT) == (LIGHTS, [])
-    assert complete_lights(*arguments, [], turn, FOOTPRINT) == ([], [])
+    assert complete_lights(*arguments, LIGHTS, turn, FOOTPRINT) == (LIGHTS, None, [])
+    assert complete_lights(*arguments, [], turn, FOOTPRINT) == ([], None, [])
