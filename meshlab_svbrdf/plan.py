@@ -110,7 +110,7 @@ class Plan:
 
     def cost(self) -> str:
         """What it will cost, in a line."""
-        takes = f", {_duration(sum(self.seconds.values()))} on {self.cores} cores" * bool(
+        takes = f", {_duration(sum(self.seconds.values()))} on {self.cores} idle cores" * bool(
             self.seconds
         )
         return (
