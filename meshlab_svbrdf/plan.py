@@ -109,7 +109,7 @@ class Plan:
 
     def cost(self) -> str:
         """What it will cost, in a line."""
-        takes = f", {_duration(sum(self.seconds.values()))} on {self.cores} cores" * bool(
+        takes = f", {_duration(sum(self.seconds.values()))} on {self.cores} idle cores" * bool(
             self.seconds
         )
         return (
@@ -152,7 +152,11 @@ def make_plan(document: Document, steps: list[Step], given: Mapping[str, Any]) -
     """What this scene needs of the chain `steps`, and what that will cost.
 
     given : what the user set, by FILTER.NAME: it stays
+
+    Raises DocumentError where there are no frames or no mesh.
     """
+    if not document.rasters:
+        raise DocumentError("the project has no rasters: add registered frames in MeshLab")
     mesh = document.mesh()
     found = resolution(mesh, [raster.camera for raster in document.rasters])
     texture = _texture(found, int(_parameters(steps, TEXELS).texture_size), given)

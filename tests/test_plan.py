@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 from meshlab_svbrdf import cli, plan
 from meshlab_svbrdf.document.document import Document
-from meshlab_svbrdf.errors import SvbrdfError
+from meshlab_svbrdf.errors import DocumentError, SvbrdfError
 from meshlab_svbrdf.plan import make_plan
 from meshlab_svbrdf.presets import TEXTURE_SIZE, chain
 from sample_projects.procedural.recipe import MATERIALS
@@ -129,6 +129,12 @@ def test_frames_that_cannot_be_read_are_left_to_the_filter(walk, tmp_path):
     made = planned(tmp_path / "in" / walk.name, tmp_path / "out")
     assert made.seconds == {}
     assert decided(made, "highlights").choice == "sought"
+
+
+def test_without_frames_there_is_nothing_to_plan(walk, tmp_path):
+    empty = edited(walk, tmp_path / "in", lambda project: project.rasters.clear())
+    with pytest.raises(DocumentError, match="has no rasters"):
+        planned(empty, tmp_path / "out")
 
 
 # The disk

@@ -2,6 +2,7 @@
 
 import json
 
+import numpy as np
 import pytest
 from totems import SAMPLES, TEXELS, WALK, film
 from typer.testing import CliRunner
@@ -98,3 +99,30 @@ def test_spacing_thins_films_evenly(tmp_path_factory, tmp_path, step, spacing, u
         kept = [k % 30 for k, frame in enumerate(sorted(frames, key=lambda f: f["label"]))
                 if "samples" in frame]  # fmt: skip
         assert set(kept) <= set(range(0, 30, 3))
+
+
+@pytest.mark.parametrize("limit", [1, 7, 20, 59])
+def test_a_limit_spreads_frames_evenly_and_keeps_their_order(tmp_path_factory, tmp_path, limit):
+    document = Document.open(film(tmp_path_factory, WALK), tmp_path)
+    document.apply(TEXELS, texture_size=32)
+    outcome = document.apply(SAMPLES, frames=limit)
+    frames = document.json("frames")["frames"]
+    used = [frame for frame in frames if "samples" in frame]
+    assert len(used) == limit
+    assert len(frames) == 60
+    assert f"of {limit} frames, spread evenly: {60 - limit} are left out" in outcome.message
+    assert all("spread evenly" in f["left_out"] for f in frames if "samples" not in f)
+    labels = [frame["label"] for frame in used]
+    assert labels == [r.label for r in document.rasters if r.label in labels]
+    sequence, order = document.array("samples_sequence"), document.array("samples_order")
+    for film_ in set(sequence.tolist()):
+        assert (np.diff(order[sequence == film_]) > 0).all()
+
+
+def test_a_limit_comes_after_spacing(tmp_path_factory, tmp_path):
+    document = Document.open(film(tmp_path_factory, WALK), tmp_path)
+    document.apply(TEXELS, texture_size=32)
+    document.apply(SAMPLES, spacing=25, frames=11)
+    used = [f["label"] for f in document.json("frames")["frames"] if "samples" in f]
+    assert len(used) == 11
+    assert all(int(label[-7:-4]) % 2 == 0 for label in used)

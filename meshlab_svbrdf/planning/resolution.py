@@ -34,7 +34,7 @@ class Resolution:
     @property
     def side(self) -> int:
         """The least power of two, 16 to 16384, whose texels are not larger than a pixel."""
-        return int(np.clip(2 ** np.ceil(np.log2(self.exact) - 1e-9), 16, 16384))
+        return int(np.clip(2 ** np.ceil(np.log2(max(self.exact, 1.0)) - 1e-9), 16, 16384))
 
     def pixels_per_texel(self, side: int) -> float:
         """How many pixels a texel is wide, at a texture of that side."""

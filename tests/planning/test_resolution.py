@@ -60,6 +60,8 @@ def test_torn_coordinates_do_not_count():
     assert np.isfinite(resolution(replace(mesh, uv=uv), [at(4.0)]).exact)
 
 
-@pytest.mark.parametrize(("exact", "side"), [(1.0, 16), (256.0, 256), (257.0, 512), (1e9, 16384)])
+@pytest.mark.parametrize(
+    ("exact", "side"), [(0.0, 16), (1.0, 16), (256.0, 256), (257.0, 512), (1e9, 16384)]
+)
 def test_sides_are_powers_of_two_that_lose_nothing(exact, side):
     assert Resolution(1.0, exact, 1.0).side == side
