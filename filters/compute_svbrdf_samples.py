@@ -151,6 +151,7 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
                 {
                     "label": raster.label, "sequence": raster.sequence, "gain": gain[k],
                     "samples": int(store.seen[k]), "residual": residual[k],
+                    "quality": store.quality[k],
                 }
                 for k, raster in enumerate(rasters)
             ]

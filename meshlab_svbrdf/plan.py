@@ -196,7 +196,9 @@ def make_plan(document: Document, steps: list[Step], given: Mapping[str, Any]) -
     held = of_samples.memory << 20
     return Plan(
         decisions, steps, used, texels, samples,
-        stage_seconds(work, this_machine(), fit.estimator, fit.gloss) if trial else {},
+        stage_seconds(work, this_machine(), fit.estimator, fit.gloss, {s.name for s in steps})
+        if trial
+        else {},
         round(store_bytes(samples, texels, used, held)), round(result_bytes(work)),
         free_bytes(document.folder), round(memory_bytes(work, held)), work.cores,
     )  # fmt: skip

@@ -27,8 +27,8 @@ from filelock import FileLock, Timeout
 from ..errors import DocumentError, SvbrdfError
 
 FORMAT = 1
-RESUMED = ("samples/",)
-"""Staged entries of which a run that is interrupted leaves what it has, for the next one."""
+RESUMED = "samples/store.json"
+"""A staged file whose folder a run that is interrupted leaves to the next one."""
 RECORD = "svbrdf.json"
 
 
@@ -168,9 +168,9 @@ class ResultFolder:
 
     def discard(self) -> None:
         """Forget everything staged, but for what the next run may go on from."""
-        for entry in RESUMED:
-            if any((self._staging / entry).glob("*")):
-                _move(self._staging / entry, self._partial / entry)
+        kept = Path(RESUMED).parent
+        if (self._staging / RESUMED).exists():
+            _move(self._staging / kept, self._partial / kept)
         shutil.rmtree(self._staging, ignore_errors=True)
 
     def commit(self, record: dict[str, Any]) -> None:
@@ -186,7 +186,7 @@ class ResultFolder:
         if new_path.exists():
             new = json.loads(new_path.read_text(encoding="utf-8"))
             self._read()
-            if any((self._committed / entry).exists() for entry in RESUMED):
+            if (self._committed / RESUMED).exists():
                 shutil.rmtree(self._partial, ignore_errors=True)
             for entry in sorted(self.files(new)):
                 _move(self._committed / entry, self.path / entry)

@@ -7,7 +7,7 @@ fast this machine does a fixed piece of work (`yardstick`).
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import cv2
@@ -93,9 +93,13 @@ RATES: dict[str, Rate] = {
 
 
 def stage_seconds(
-    work: Work, speed: float = 1.0, estimator: str = "joint", gloss: str = "seek"
+    work: Work,
+    speed: float = 1.0,
+    estimator: str = "joint",
+    gloss: str = "seek",
+    filters: Collection[str] | None = None,
 ) -> dict[str, float]:
-    """Seconds that each filter will take, when nothing else runs.
+    """Seconds that each of the filters (None: all) will take, when nothing else runs.
 
     speed : of this machine, against that where RATES were measured; the measured part of `work` is
         in this machine's own seconds
@@ -103,6 +107,8 @@ def stage_seconds(
     """
     amounts, found = work.amounts(), {}
     for name, rate in RATES.items():
+        if filters is not None and name not in filters:
+            continue
         if name == GLOSS and (estimator == "paper" or gloss == "none"):
             rate = UNFITTED
         cpu = sum(per * amounts[what] for what, per in rate.seconds.items()) / speed

@@ -198,7 +198,7 @@ def _diffuse(block, view, threshold, minimum, lit, letter, method, out):
         # Bound the diffuse samples
         if method == _STATISTICAL:
             _specular_weights(block, view, i, threshold[t], minimum[t], ys, lit, letter, rows, ws)
-            bound = _weighted_bound(ys, ws, threshold[t])
+            bound = float(_weighted_bound(ys, ws, threshold[t]))
         elif method == _TRIMMED:
             median = np.median(ys)
             for j in range(n):

@@ -73,8 +73,8 @@ def _gather_texels(
         cursor[i] = k
 
 
-Found = tuple[Chunk, np.ndarray]
-"""A chunk, and how many samples each of its frames has."""
+Found = tuple[Chunk, np.ndarray, np.ndarray]
+"""A chunk, and of each of its frames how many samples there are and their mean quality."""
 
 
 def write_store(
@@ -104,7 +104,7 @@ def write_store(
     names = list(names) if names is not None else [""] * frames
     if len(names) != frames:
         raise ValueError(f"names: expected one for each of the {frames} frames")
-    store = SampleStore(texels, [], names=[], seen=[])
+    store = SampleStore(texels, [], names=[], seen=[], quality=[])
     with ThreadPoolExecutor(thread_count()) as pool:
 
         def project(first: int, stop: int) -> Iterator[Found]:
@@ -113,10 +113,11 @@ def write_store(
             )
 
         for first, stop, taken in _parts(names, texels, earlier):
-            for chunk, seen in [taken] if taken else project(first, stop):
+            for chunk, seen, quality in [taken] if taken else project(first, stop):
                 if folder is not None:
                     chunk = chunk.save(folder, len(store.chunks))
-                store.append(chunk, seen, names[store.frames : store.frames + len(seen)])
+                own = names[store.frames : store.frames + chunk.frames]
+                store.append(chunk, own, seen, quality)
                 if folder is not None:
                     store.describe(folder)
             if taken:
@@ -134,6 +135,7 @@ def _parts(
         tuple(store.names[first : first + chunk.frames]): (
             chunk,
             store.seen[first : first + chunk.frames],
+            store.quality[first : first + chunk.frames],
         )
         for store in earlier
         if store.texels == texels
@@ -173,7 +175,8 @@ def _project(
         size = 8 * sum(len(texel) for texel, _, _ in held)
         if size > memory or len(held) == MOST_FRAMES or f == stop - 1:
             seen = np.array([len(texel) for texel, _, _ in held], np.int64)
-            yield transpose(held, texels, pool), seen
+            quality = np.array([(q & 127).sum() / 127 for _, _, q in held]) / np.maximum(seen, 1)
+            yield transpose(held, texels, pool), seen, quality
             held = []
         done(f + 1)
 
@@ -182,39 +185,51 @@ class SampleStore:
     """Chunks in the frames' order; memory stays at a block, whatever the number of frames.
 
     texels, frames : how many there are; seen : (F,) int64, samples of each frame
+    quality : (F,) float64, the mean of a frame's samples
     names : what each frame's samples were made from, "" where that is not known
     """
 
     def __init__(
-        self, texels: int, chunks: Sequence[Chunk], *, names: Sequence[str], seen: Sequence[int]
+        self,
+        texels: int,
+        chunks: Sequence[Chunk],
+        *,
+        names: Sequence[str],
+        seen: Sequence[int],
+        quality: Sequence[float],
     ) -> None:
         self.texels = texels
         self.chunks = list(chunks)
         self.names = list(names)
         self.seen = np.array(seen, np.int64)
+        self.quality = np.array(quality, np.float64)
 
     @classmethod
     def open(cls, folder: Path) -> SampleStore:
         """What `write_store` left in a folder."""
         told = json.loads((folder / DESCRIPTION).read_text())
         chunks = [FileChunk(folder, k, size) for k, size in enumerate(told["chunks"])]
-        names = told.get("names", [""] * len(told["seen"]))
-        return cls(told["texels"], chunks, names=names, seen=told["seen"])
+        return cls(
+            told["texels"], chunks, names=told["names"], seen=told["seen"], quality=told["quality"]
+        )
 
     @property
     def frames(self) -> int:
         return len(self.seen)
 
-    def append(self, chunk: Chunk, seen: np.ndarray, names: Sequence[str]) -> None:
+    def append(
+        self, chunk: Chunk, names: Sequence[str], seen: np.ndarray, quality: np.ndarray
+    ) -> None:
         self.chunks.append(chunk)
-        self.seen = np.concatenate([self.seen, seen])
         self.names += names
+        self.seen = np.concatenate([self.seen, seen])
+        self.quality = np.concatenate([self.quality, quality])
 
     def describe(self, folder: Path) -> None:
         """Write what `open` reads, whole or not at all."""
         told = {
             "texels": self.texels, "chunks": [chunk.frames for chunk in self.chunks],
-            "names": self.names, "seen": self.seen.tolist(),
+            "names": self.names, "seen": self.seen.tolist(), "quality": self.quality.tolist(),
         }  # fmt: skip
         temporary = folder / f".{DESCRIPTION}.part"
         temporary.write_text(json.dumps(told))
