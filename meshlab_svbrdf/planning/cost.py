@@ -74,7 +74,7 @@ UNFITTED = Rate(0.5, {"once": 0.5, "texels": 2.0, "samples": 0.05})
 """Of GLOSS where nothing is fitted."""
 PROGRAM_BYTES, MATERIAL_BYTES, TEXEL_BYTES, FITTED_BYTES = 250e6, 1620.0, 400.0, 60.0
 """Of memory: of the program; per texel, while materials grow and else; per fitted sample."""
-RESULT_BYTES, VERTEX_BYTES, MAP_BYTES = 165.0, 300.0, 5e6
+RESULT_BYTES, VERTEX_BYTES, MAP_BYTES = 300.0, 300.0, 5e6
 """On disk: per texel, per vertex, and of the environment map."""
 
 RATES: dict[str, Rate] = {
