@@ -173,9 +173,9 @@ def _mean_below(ys, bound, quality, values):
     """Mean of the values, weighted by quality, where Y is no more than the bound; NaN for none."""
     total, weight = 0.0, 0.0
     for j in range(len(ys)):
-        q = quality[j] if ys[j] <= bound else np.float32(0)
-        total += q * values[j]
-        weight += q
+        below = ys[j] <= bound
+        total += quality[j] * values[j] if below else 0.0
+        weight += quality[j] if below else 0.0
     return total / weight if weight > 0 else np.nan
 
 
