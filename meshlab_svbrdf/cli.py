@@ -1,39 +1,18 @@
-"""The shell: `meshlab-svbrdf run | apply | filters | presets | info | render | bench`.
+"""The shell: `meshlab-svbrdf run | plan | apply | filters | presets | info | render | bench`.
 
-Exit codes: 0 done, 1 an error of the input (said without a traceback), 2 wrong usage, 130
-interrupted.
+What the commands are called and take. `commands.py` does it, and is imported when one is run, so
+that `--help` comes at once.
 """
 
 from __future__ import annotations
 
-import json
-import logging
-import sys
-from collections import Counter
-from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import asdict
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
-from rich.console import Console
-from rich.logging import RichHandler
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
-from . import registry
 from .bench.command import bench
-from .document.document import Document, Outcome
-from .document.frames import Frames
-from .document.freshness import in_words
-from .document.video_file import video_problem
-from .errors import SvbrdfError
-from .filter import describe, to_json
-from .geometry import texels
-from .presets import PRESETS, chain
-from .progress import Show
-from .script import Step, check_script, run_script
 
 app = typer.Typer(
     help="How an object reflects light, recovered from an ordinary video of it.",
@@ -41,7 +20,6 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-errors = Console(stderr=True)
 
 
 class Estimator(StrEnum):
@@ -54,11 +32,6 @@ class PresetName(StrEnum):
     standard = "standard"
     full = "full"
 
-
-TEXTURE_SIZE = "compute_svbrdf_texels.texture_size"
-MATERIALS = "compute_svbrdf_materials.image"
-RENDERING = "generate_svbrdf_rendering"
-CURRENT = "up to date"
 
 Project = Annotated[
     Path, typer.Argument(help="A MeshLab project, .mlp or .mlb.", show_default=False)
@@ -117,27 +90,13 @@ def run(
     if script is not None and (estimator is not None or preset is not None):
         what = "estimator it runs" if estimator is not None else "parameters it takes"
         raise typer.BadParameter(f"a script says itself which {what}", param_hint="--script")
-    with _friendly():
-        given = dict(map(_name_value, settings or ()))
-        if texture_size is not None:
-            given.setdefault(TEXTURE_SIZE, str(texture_size))
-        if materials is not None:
-            given.setdefault(MATERIALS, str(materials.absolute()))
-        steps = chain(estimator or "joint", preset or "standard", given, script=script)
-        check_script(steps)
-        document = _open(project, output, layer)
-        if document.path == project.absolute() and not document.results.record["products"]:
-            raise SvbrdfError(
-                f"the result would replace {project} itself: give another folder or name with -o"
-            )
-        if not document.project.rasters:
-            raise SvbrdfError(f"{project}: has no rasters; add registered frames in MeshLab")
-        document.hold_out(hold_out)
-        if preset is not None and not as_json:
-            typer.echo(f"preset {preset}: {PRESETS[preset]}")
-        if script is None:
-            steps = _planned(document, steps, given, as_json)
-        _run(document, steps, force, as_json)
+    from . import commands
+
+    commands.run(
+        project, output, script=script, estimator=estimator, preset=preset,
+        texture_size=texture_size, materials=materials, hold_out=hold_out, settings=settings,
+        layer=layer, force=force, as_json=as_json,
+    )  # fmt: skip
 
 
 @app.command()
@@ -156,17 +115,9 @@ def plan(
 
     Every choice is a parameter: `run … --set FILTER.NAME=VALUE` overrides it.
     """
-    from .plan import make_plan
+    from . import commands
 
-    with _friendly():
-        given = dict(map(_name_value, settings or ()))
-        steps = chain(estimator, preset, given)
-        check_script(steps)
-        document = Document.open(project, output)
-        if not document.rasters:
-            raise SvbrdfError(f"{project}: has no rasters; add registered frames in MeshLab")
-        made = make_plan(document, steps, given)
-        typer.echo(json.dumps(made.to_json(), indent=1) if as_json else "\n".join(made.lines()))
+    commands.plan(project, output, estimator, preset, settings, as_json)
 
 
 @app.command()
@@ -184,11 +135,9 @@ def apply(
     as_json: AsJson = False,
 ) -> None:
     """Run one filter on PROJECT, in place unless an output is given."""
-    with _friendly():
-        step = Step(filter, dict(map(_name_value, parameters or ())), "the command line")
-        registry.get(filter)
-        check_script([step])
-        _run(_open(project, output, layer), [step], force, as_json)
+    from . import commands
+
+    commands.apply(project, filter, parameters, output, layer, force, as_json)
 
 
 @app.command()
@@ -197,54 +146,25 @@ def filters(
     as_json: AsJson = False,
 ) -> None:
     """List the filters, or describe one with its parameters."""
-    with _friendly():
-        found = [registry.get(name)] if name else list(registry.filters().values())
-        if as_json:
-            described = [to_json(filter) for filter in found]
-            typer.echo(json.dumps(described[0] if name else described, indent=1))
-        elif name:
-            typer.echo(describe(found[0]), nl=False)
-        else:
-            width = max((len(filter.name) for filter in found), default=0)
-            for filter in found:
-                typer.echo(f"{filter.name:{width}}  {filter.title}")
+    from . import commands
+
+    commands.filters(name, as_json)
 
 
 @app.command()
 def presets(as_json: AsJson = False) -> None:
     """List what `run --preset` offers, with the parameters that each one sets."""
-    if as_json:
-        typer.echo(json.dumps({name: asdict(preset) for name, preset in PRESETS.items()}, indent=1))
-        return
-    for name, preset in PRESETS.items():
-        typer.echo(f"{name:9} {preset.about}: {preset}")
+    from . import commands
+
+    commands.presets(as_json)
 
 
 @app.command()
 def info(project: Project, as_json: AsJson = False) -> None:
     """Tell what PROJECT holds: layers, frames, and which results are up to date."""
-    with _friendly():
-        document = Document.open(project)
-        told = _tell(document)
-        if as_json:
-            typer.echo(json.dumps(told, indent=1))
-            return
-        for label, size in told["layers"].items():
-            typer.echo(f"layer    {label}: {size}")
-        typer.echo(f"rasters  {told['rasters']}, of these held out: {told['held_out']}")
-        for video in told["videos"]:
-            problem = f" ({video['problem']})" if video["problem"] else ""
-            typer.echo(f"video    {video['file']}: {video['frames']} of the rasters{problem}")
-        for label in told["held_out_labels"]:
-            typer.echo(f"held out {label}")
-        typer.echo(f"results  {told['results']}{'' if told['products'] else ': none yet'}")
-        for product, state in told["products"].items():
-            typer.echo(f"result   {product}: {state['message']} ({state['state']})")
-        for product, state in told["products"].items():
-            if state["state"] != CURRENT:
-                typer.echo(f"stale    {product}: run {state['filter']} again")
-        for material in told["materials"]:
-            typer.echo(_material_line(material))
+    from . import commands
+
+    commands.info(project, as_json)
 
 
 @app.command()
@@ -255,16 +175,9 @@ def render(
     as_json: AsJson = False,
 ) -> None:
     """Render the object as it was lit, seen from the cameras of another project."""
-    with _friendly():
-        parameters = {"cameras": str(cameras.absolute()), "folder": str(output.absolute())}
-        document = Document.open(project)
-        if not document.has("material_specular"):
-            raise SvbrdfError(
-                f"{project} has no results to render: make them with "
-                f"`meshlab-svbrdf run {project} -o out` and render out/{project.name}"
-            )
-        with _stages(as_json) as (say, show):
-            say(document.apply(RENDERING, False, show("render"), **parameters))
+    from . import commands
+
+    commands.render(project, cameras, output, as_json)
 
 
 app.command()(bench)
@@ -272,169 +185,6 @@ app.command()(bench)
 
 def main() -> None:
     app()
-
-
-def _open(project: Path, output: Path | None, layer: str) -> Document:
-    document = Document.open(project, output)
-    if layer != document.settings.get("object", ""):
-        document.set(object=layer)
-    document.object_layer()
-    return document
-
-
-def _planned(
-    document: Document, steps: list[Step], given: dict[str, str], as_json: bool
-) -> list[Step]:
-    """The steps with what the plan chose, which is said."""
-    from .plan import make_plan
-
-    made = make_plan(document, steps, given)
-    if not document.has("samples"):
-        made.check_space()
-    for line in made.short() if not as_json else ():
-        typer.echo(line)
-    return made.steps
-
-
-def _run(document: Document, steps: list[Step], force: bool, as_json: bool) -> None:
-    """Run the steps and save; what was finished is saved even if a later step fails."""
-    if not _compiled():
-        errors.print("compiling kernels, this happens once and takes a minute or two…")
-    with _stages(as_json, document) as (say, show):
-        try:
-            for outcome in run_script(document, steps, force=force, show=show):
-                say(outcome)
-        finally:
-            interrupted = isinstance(sys.exception(), KeyboardInterrupt)
-            if document.results.record["products"] and not interrupted:
-                document.save()
-    if not as_json:
-        typer.echo(f"Open {document.path} in MeshLab.")
-
-
-@contextmanager
-def _stages(as_json: bool, document: Document | None = None) -> Iterator[tuple[Any, Any]]:
-    """Say each stage's outcome on stdout, show its progress on stderr where that is a terminal."""
-    outcomes: list[Outcome] = []
-    columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn())
-    with Progress(
-        *columns,
-        TimeElapsedColumn(),
-        console=errors,
-        transient=True,
-        disable=not errors.is_terminal,
-    ) as bars:
-        tasks: dict[str, Any] = {}
-
-        def show(name: str) -> Show:
-            for task in tasks.values():
-                bars.update(task, visible=False)
-            tasks[name] = bars.add_task(name, total=1.0)
-            return lambda fraction, message: bars.update(
-                tasks[name], completed=fraction, description=f"{name} {message}"
-            )
-
-        def say(outcome: Outcome) -> None:
-            outcomes.append(outcome)
-            if not as_json:
-                first, *more = outcome.message.split("; ")
-                typer.echo(f"{outcome.name:36} {outcome.seconds:7.1f} s  {first}")
-                for line in more:
-                    typer.echo(" " * 48 + line)
-
-        try:
-            yield say, show
-        finally:
-            if as_json:
-                told = {"project": str(document.path)} if document else {}
-                stages = [asdict(outcome) for outcome in outcomes]
-                typer.echo(json.dumps(told | {"stages": stages}, indent=1))
-
-
-@contextmanager
-def _friendly() -> Iterator[None]:
-    """Errors of the input become one message and exit code 1, an interruption 130."""
-    log = logging.getLogger("meshlab_svbrdf")
-    handler = RichHandler(console=errors, show_time=False, show_path=False, markup=False)
-    log.addHandler(handler)
-    try:
-        yield
-    except (SvbrdfError, OSError) as error:
-        text = str(error)
-        if isinstance(error, OSError) and error.filename:
-            text = (
-                f"{error.filename}: {error.strerror}; see to its permissions and the free space, "
-                "or give another place with -o"
-            )
-        errors.print(f"Error: {text}", style="red", markup=False, highlight=False, soft_wrap=True)
-        raise typer.Exit(1) from None
-    except KeyboardInterrupt:
-        errors.print("Interrupted; finished stages are kept, the same command goes on from there.")
-        raise typer.Exit(130) from None
-    finally:
-        log.removeHandler(handler)
-
-
-def _name_value(text: str) -> tuple[str, str]:
-    name, equals, value = text.partition("=")
-    if not equals:
-        raise SvbrdfError(f"expected name=value, found {text!r}")
-    return name, value
-
-
-def _compiled() -> bool:
-    """Whether numba has compiled this version's first kernel before, wherever it keeps that."""
-    kernel = texels._cover
-    if not hasattr(kernel, "stats"):  # numba is switched off
-        return True
-    source = Path(texels.__file__).stat().st_mtime
-    kept = Path(str(kernel.stats.cache_path)).glob("texels._cover-*.nbi")
-    return any(index.stat().st_mtime >= source for index in kept)
-
-
-def _tell(document: Document) -> dict[str, Any]:
-    record = document.results.record
-    products = {}
-    for name, product in record["products"].items():
-        older = document.stale(name)
-        products[name] = {
-            "filter": product["filter"],
-            "message": record["runs"].get(product["filter"], {}).get("message", ""),
-            "state": f"older than the {in_words(older)}" if older else CURRENT,
-        }
-    has_materials = document.has("material_specular") and document.has_json("materials")
-    layers = {}
-    for layer in document.layers:
-        mesh = layer.read().mesh
-        layers[layer.label] = f"{len(mesh.vertices)} vertices, {len(mesh.faces)} faces"
-    return {
-        "project": str(document.path),
-        "layers": layers,
-        "rasters": len(document.project.rasters),
-        "videos": _videos(document),
-        "held_out": len(document.held_out),
-        "held_out_labels": [raster.label for raster in document.held_out],
-        "results": str(document.folder),
-        "products": products,
-        "materials": document.json("materials")["materials"] if has_materials else [],
-    }
-
-
-def _videos(document: Document) -> list[dict[str, Any]]:
-    """The videos that rasters are frames of, and what is wrong with the files."""
-    counts = Counter(frame.video for frame in Frames(document.project.rasters).videos.values())
-    return [
-        {"file": str(video), "frames": count, "problem": video_problem(video)}
-        for video, count in counts.items()
-    ]
-
-
-def _material_line(material: dict[str, Any]) -> str:
-    """A row of the material table: ρs and α, or why there are none."""
-    line = f"material {material['id']}: {material['texels']:,} texels, "
-    if not material["observed"]:
-        return f"{line}unobserved: {material['reason']}"
-    return f"{line}rho_s {material['rho_s']:.4g}, alpha {material['alpha']:.4g}"
 
 
 if __name__ == "__main__":

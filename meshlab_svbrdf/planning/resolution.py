@@ -51,7 +51,8 @@ def resolution(mesh: Mesh, cameras: Sequence[Camera]) -> Resolution:
     The object is taken to be as far from a camera as its centre. Areas stand for lengths: charts
     that are stretched, or of different scale, count by their mean.
     """
-    distances = [np.linalg.norm(c.center - mesh.center) / max(c.fx, c.fy) for c in cameras]
+    middle = mesh.center
+    distances = [np.linalg.norm(c.center - middle) / max(c.fx, c.fy) for c in cameras]
     pixel = float(np.quantile(distances, NEAREST))
     corners = mesh.vertices[mesh.faces]
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
