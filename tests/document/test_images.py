@@ -189,3 +189,21 @@ def test_the_scenes_frames_masks_and_score_reader(tmp_path, monkeypatch):
     for array in (RNG.random((3, 4)), RNG.random((3, 4, 3))):
         write_exr(tmp_path / "a.exr", array)
         np.testing.assert_array_equal(score.exr(tmp_path / "a.exr"), array.astype(np.float32))
+
+
+@pytest.mark.parametrize("times", [2, 4])
+@pytest.mark.parametrize("size", [(64, 48), (61, 47)])
+def test_a_jpeg_is_read_at_the_size_that_others_are_reduced_to(tmp_path, times, size):
+    col, row = np.meshgrid(np.arange(size[0]), np.arange(size[1]))
+    image = (
+        np.stack([60 + 2 * col, 200 - 2 * row, 90 + row + col], -1).clip(0, 255).astype(np.uint8)
+    )
+    cv2.imwrite(str(tmp_path / "a.jpg"), image[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, 100])
+    write_png(tmp_path / "a.png", image)
+    jpeg = read_frame(tmp_path / "a.jpg", size=size, reduce=times)
+    png = read_frame(tmp_path / "a.png", size=size, reduce=times)
+    assert jpeg.shape == png.shape == (-(-size[1] // times), -(-size[0] // times), 3)
+    inner = np.s_[: size[1] // times - 1, : size[0] // times - 1]
+    assert np.abs(jpeg[inner].astype(int) - png[inner]).max() <= 4
+    with pytest.raises(DocumentError, match="ViewportPx"):
+        read_frame(tmp_path / "a.jpg", size=(size[0] + 9, size[1]), reduce=times)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from analytic import look_at, plane, sphere, view_vectors
 
+from meshlab_svbrdf.document.images import reduced
 from meshlab_svbrdf.geometry.mesh import Mesh
 from meshlab_svbrdf.geometry.texels import rasterise_texels
 from meshlab_svbrdf.samples.capture import FrameSampler, Quality, _mark_jumps, reference_depth
@@ -262,3 +263,20 @@ def test_reference_depth_is_the_tenth_percentile_of_what_is_in_the_image():
 def test_distance_transform_finds_no_edge_in_a_full_image():
     """What the kernel relies on: OpenCV returns something huge, not 0, without any edge."""
     assert cv2.distanceTransform(np.ones((20, 30), np.uint8), cv2.DIST_L2, 3).min() > 1e3
+
+
+@pytest.mark.parametrize("times", [2, 4])
+def test_a_reduced_frame_shows_the_same(wall, times):
+    """Colour and place: linear light that rises linearly keeps its value in means of pixels."""
+    mesh, texels = wall
+    camera = look_at([0.8, 0.5, 3], [0.1, 0, 0], width=201, height=163, fx=230.0, cx=107.0)
+    image = reduced(to_srgb8(linear_image(camera)), times)
+    small = camera.reduced(times)
+    assert image.shape[:2] == (small.height, small.width)
+    texel, rgb, _ = FrameSampler(mesh, texels, 3.0).sample(small, image)
+    x, y, _ = pixels(texels, camera)
+    inside = (x < 201 - times) & (y < 163 - times)
+    expected = 255 * encode(field(x, y))
+    kept = inside[texel]
+    assert kept.sum() > 1000
+    assert np.abs(rgb - expected[texel])[kept].max() <= 2.2

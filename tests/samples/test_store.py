@@ -183,3 +183,96 @@ def test_more_chunks_than_files_may_be_open(tmp_path):
         assert rows_of(store.read(0, 5), 3) == brute_force(history, 3)
     finally:
         resource.setrlimit(resource.RLIMIT_NOFILE, before)
+
+
+# Frames that are known already
+
+
+def counting(frames):
+    """The frames' sampler, and the list of those that it was asked for."""
+    asked = []
+    return asked, lambda f: asked.append(f) or frames[f]
+
+
+def same(a, b):
+    assert (a.texels, a.frames, a.names) == (b.texels, b.frames, b.names)
+    np.testing.assert_array_equal(a.seen, b.seen)
+    np.testing.assert_array_equal(a.quality, b.quality)
+    for x, y in zip(a.read(0, a.texels), b.read(0, b.texels), strict=True):
+        np.testing.assert_array_equal(x, y)
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    old=st.lists(st.integers(0, 30), unique=True, max_size=12),
+    new=st.lists(st.integers(0, 30), unique=True, max_size=16), memory=st.sampled_from([0, 300]),
+)  # fmt: skip
+def test_known_frames_are_not_projected_and_change_nothing(tmp_path_factory, old, new, memory):
+    """Whatever was added, removed or moved: the store is that of a first run."""
+    every = random_frames(20, 31, 0.4)
+    first, then, fresh = (tmp_path_factory.mktemp(name) for name in ("first", "then", "fresh"))
+
+    def written(folder, which, sample, **kw):
+        names = [f"frame {k}" for k in which]
+        return write_store(folder, 20, len(which), sample, names=names, memory=memory, **kw)
+
+    earlier = written(first, old, lambda f: every[old[f]])
+    asked, sample = counting([every[k] for k in new])
+    store = written(then, new, sample, earlier=[earlier])
+    same(store, written(fresh, new, lambda f: every[new[f]]))
+    same(SampleStore.open(then), store)
+    if memory == 0:  # a chunk a frame
+        assert sorted(new[f] for f in asked) == sorted(set(new) - set(old))
+
+
+def test_frames_that_are_added_are_all_that_is_projected(tmp_path):
+    history = random_frames(30, 9, 0.5)
+    names = [f"{k}" for k in range(9)]
+    (tmp_path / "a").mkdir()
+    (tmp_path / "b").mkdir()
+    a = write_store(tmp_path / "a", 30, 6, lambda f: history[f], names=names[:6])
+    asked, sample = counting(history)
+    write_store(tmp_path / "b", 30, 9, sample, names=names, earlier=[a])
+    assert sorted(asked) == [6, 7, 8]
+
+
+def test_frames_without_names_are_never_known(tmp_path):
+    history = random_frames(5, 3, 0.5)
+    a = write(tmp_path / "a", 5, history)
+    asked, sample = counting(history)
+    (tmp_path / "b").mkdir()
+    write_store(tmp_path / "b", 5, 3, sample, earlier=[a])
+    assert sorted(asked) == [0, 1, 2]
+
+
+@pytest.mark.parametrize("stop", [1, 4, 8])
+def test_what_an_interrupted_run_wrote_is_taken_up(tmp_path, stop):
+    history = random_frames(30, 9, 0.5)
+    names = [f"{k}" for k in range(9)]
+    for name in "abc":
+        (tmp_path / name).mkdir()
+
+    def until(f):
+        if f == stop:
+            raise KeyboardInterrupt
+        return history[f]
+
+    with pytest.raises(KeyboardInterrupt):
+        write_store(tmp_path / "a", 30, 9, until, names=names, memory=0)
+    partial = SampleStore.open(tmp_path / "a")
+    assert partial.names == names[:stop]
+    asked, sample = counting(history)
+    store = write_store(tmp_path / "b", 30, 9, sample, names=names, earlier=[partial], memory=0)
+    assert sorted(asked) == list(range(stop, 9))
+    same(store, write_store(tmp_path / "c", 30, 9, lambda f: history[f], names=names))
+
+
+def test_in_memory_it_is_the_same(tmp_path):
+    history = random_frames(30, 9, 0.5)
+    held = write_store(None, 30, 9, lambda f: history[f], memory=400)
+    same(held, write(tmp_path / "a", 30, history, memory=400))
+    some = np.array([3, 4, 29])
+    for x, y in zip(
+        held.read_texels(some), SampleStore.open(tmp_path / "a").read_texels(some), strict=True
+    ):
+        np.testing.assert_array_equal(x, y)
