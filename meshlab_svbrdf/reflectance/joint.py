@@ -83,7 +83,7 @@ def fit(
     footprint: float,
     *,
     rounds: int = 10,
-    samples: int = 2_000_000,
+    samples: int = 3_000_000,
     near: bool = True,
     long: bool = True,
     censoring: bool = True,
