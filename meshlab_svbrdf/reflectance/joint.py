@@ -83,7 +83,7 @@ def fit(
     footprint: float,
     *,
     rounds: int = 10,
-    samples: int = 2_000_000,
+    samples: int = 3_000_000,
     near: bool = True,
     long: bool = True,
     censoring: bool = True,
@@ -246,7 +246,7 @@ def _blurred(
 def _converged(before: dict, after: dict, evidence: list[Evidence]) -> bool:
     """Whether no material's ρs or α has moved (materials without a lobe stay at 0)."""
     old, new = (np.array([h["rho_s"], h["alpha"]]) for h in (before, after))
-    little = [max(STILL, SURE / e.z) if e.z > 0 else np.inf for e in evidence]
+    little = [max(STILL, SURE / max(e.z, SURE)) for e in evidence]
     return bool(np.all(np.abs(new - old) <= little * np.abs(old)))
 
 

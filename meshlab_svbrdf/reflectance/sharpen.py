@@ -21,7 +21,7 @@ from ..threads import thread_count
 from .footprint import SPREAD
 
 REACH = 4
-"""Texels around one that may blur into it; finer textures are sharpened less."""
+"""Rings of texels around one that may blur into it; finer textures are sharpened less."""
 CUT = 9.0
 """Square of the Mahalanobis distance beyond which nothing blurs in."""
 PIECES = 64
@@ -45,23 +45,30 @@ def _rows(first, stop, position, normal, row, col, covariance, index, counts, co
         if not determinant > 0.0:
             continue
         start, total = n, 0.0
-        for r in range(max(row[t] - REACH, 0), min(row[t] + REACH + 1, height)):
-            for c in range(max(col[t] - REACH, 0), min(col[t] + REACH + 1, width)):
-                u = index[r, c]
-                if u < 0:
-                    continue
-                x = position[u, 0] - position[t, 0]
-                y = position[u, 1] - position[t, 1]
-                z = position[u, 2] - position[t, 2]
-                a, b = x * ax + y * ay + z * az, x * bx + y * by + z * bz
-                off = x * nx + y * ny + z * nz
-                d2 = (bb * a * a - 2.0 * ab * a * b + aa * b * b) / determinant
-                d2 += off * off / (aa + bb)
-                facing = normal[u, 0] * nx + normal[u, 1] * ny + normal[u, 2] * nz
-                if d2 < CUT and facing > 0.0:
-                    columns[n], weights[n] = u, np.exp(-0.5 * d2)
-                    total += weights[n]
-                    n += 1
+        for ring in range(REACH + 1):
+            beyond = True
+            for r in range(max(row[t] - ring, 0), min(row[t] + ring + 1, height)):
+                step = 1 if abs(r - row[t]) == ring else 2 * ring
+                for c in range(col[t] - ring, col[t] + ring + 1, step):
+                    u = index[r, c] if 0 <= c < width else -1
+                    if u < 0:
+                        beyond = False
+                        continue
+                    x = position[u, 0] - position[t, 0]
+                    y = position[u, 1] - position[t, 1]
+                    z = position[u, 2] - position[t, 2]
+                    a, b = x * ax + y * ay + z * az, x * bx + y * by + z * bz
+                    off = x * nx + y * ny + z * nz
+                    d2 = (bb * a * a - 2.0 * ab * a * b + aa * b * b) / determinant
+                    d2 += off * off / (aa + bb)
+                    beyond &= d2 >= CUT
+                    facing = normal[u, 0] * nx + normal[u, 1] * ny + normal[u, 2] * nz
+                    if d2 < CUT and facing > 0.0:
+                        columns[n], weights[n] = u, np.exp(-0.5 * d2)
+                        total += weights[n]
+                        n += 1
+            if beyond:
+                break
         for k in range(start, n):
             weights[k] /= total
         counts[t] = n - start
@@ -99,7 +106,9 @@ def blur_kernel(texels: Texels, covariance: np.ndarray) -> csr_array:
 
     with ThreadPoolExecutor(thread_count()) as pool:
         pieces = list(pool.map(rows, pairwise(np.linspace(0, count, PIECES + 1).astype(int))))
-    columns, weights = (np.concatenate(part) for part in zip(*pieces, strict=True))
+    parts = list(zip(*pieces, strict=True))
+    del pieces
+    weights, columns = (np.concatenate(parts.pop()) for _ in range(2))
     offsets = np.concatenate([[0], np.cumsum(counts)])
     return csr_array((weights, columns, offsets), shape=(count, count))
 

@@ -22,8 +22,9 @@ from meshlab_svbrdf.geometry.camera import Camera
 from meshlab_svbrdf.reflectance.diffuse import diffuse_color
 from meshlab_svbrdf.reflectance.diffuse_refit import refit_diffuse
 from meshlab_svbrdf.reflectance.environment import environment_map
+from meshlab_svbrdf.reflectance.evidence import Evidence
 from meshlab_svbrdf.reflectance.fit_state import _predict, _reweigh, huber_scale
-from meshlab_svbrdf.reflectance.joint import _settle, fit
+from meshlab_svbrdf.reflectance.joint import _converged, _settle, fit
 from meshlab_svbrdf.reflectance.lights import lights_by_peaks, tangents
 from meshlab_svbrdf.reflectance.models import described
 from meshlab_svbrdf.reflectance.threshold import luminance_threshold
@@ -280,6 +281,24 @@ def test_evidence_is_of_texels_that_the_fit_has_not_used(scene, monkeypatch):
 def test_fewer_samples_find_the_same(scene):
     found = run(scene, samples=len(scene.observations.store) // 8)
     assert_materials(found, scene, 0.05)
+
+
+def test_starts_from_what_is_known(scene):
+    """In fewer rounds, the matte material's too, it finds what it finds from nothing."""
+    first = run(scene, samples=len(scene.observations.store) // 8)
+    again = run(scene, first.lights, known=first.rounds[-1])
+    assert len(again.rounds) < len(first.rounds)
+    assert_materials(again, scene, 0.03)
+    for found, light in zip(again.lights, run(scene).lights, strict=True):
+        assert angle(found.direction, light.direction) < 0.02
+
+
+def test_a_material_without_gloss_keeps_nobody_waiting():
+    sure, unsure = (Evidence(z, 0.5, np.ones(3), np.ones(3)) for z in (1000.0, 2.0))
+    before, after = ({"rho_s": [50.0, x], "alpha": [40.0, x]} for x in (5.0, 5.2))
+    assert _converged(before, after, [sure, unsure])
+    assert not _converged(before, after, [sure, sure])
+    assert _converged(before, before, [sure, sure])
 
 
 def test_curved_surfaces_are_named(scene):
