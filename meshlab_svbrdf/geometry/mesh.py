@@ -55,9 +55,11 @@ class Mesh:
     def is_closed(self) -> bool:
         """Whether every edge has two faces that agree on their front, so that backs are hidden.
 
-        Vertices at the same place count as one: files double them along the seams of textures.
+        Vertices at the same place, to a millionth of the radius, count as one: files double them
+        along the seams of textures.
         """
-        place = np.unique(self.vertices, axis=0, return_inverse=True)[1].ravel()
+        grid = np.rint((self.vertices - self.center) / max(1e-6 * self.radius, 1e-300))
+        place = np.unique(grid + 0.0, axis=0, return_inverse=True)[1].ravel()
         corners = place[self.faces]
         corners = corners[(corners != np.roll(corners, 1, axis=1)).all(axis=1)]  # with an area
         start, stop = corners.ravel(), np.roll(corners, -1, axis=1).ravel()

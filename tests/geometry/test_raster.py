@@ -1,11 +1,14 @@
 """The rasteriser against rays: every pixel centre's nearest triangle, found by brute force."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from analytic import look_at, plane, sphere
+from scipy.spatial.transform import Rotation
 
 from meshlab_svbrdf.geometry.camera import Camera
-from meshlab_svbrdf.geometry.raster import rasterise
+from meshlab_svbrdf.geometry.raster import rasterise, rasterise_depth
 
 
 def rays(camera):
@@ -138,3 +141,49 @@ def test_triangle_that_reaches_far_out_of_the_image_is_seen_inside():
     expected, _ = brute_force(huge, np.array([[0, 1, 2]]), ODD)
     np.testing.assert_allclose(inverse, expected, rtol=1e-6)
     assert (inverse > 0).all()
+
+
+@pytest.mark.parametrize("size", [0.02, 0.2, 2.0])
+def test_faces_of_every_size_are_where_the_brute_force_has_them(size):
+    """Some narrower than eight pixels, some wider, in every orientation."""
+    rng = np.random.default_rng(5)
+    camera = look_at([0, 0, 4], width=90, height=70, fx=80.0)
+    vertices = (rng.uniform(-1, 1, (60, 1, 3)) + rng.normal(0, size, (60, 3, 3))).reshape(-1, 3)
+    vertices[:, 2] = np.minimum(vertices[:, 2], 3.0)
+    faces = np.arange(180, dtype=np.int32).reshape(-1, 3)
+    expected, _ = brute_force(vertices, faces, camera)
+    inverse, face = rasterise(vertices, faces, camera)
+    depth = rasterise_depth(vertices, faces, camera)
+    np.testing.assert_array_equal(inverse, depth)
+    off = ~np.isclose(inverse, expected, rtol=1e-4)
+    assert off.mean() < 1e-3  # pixel centres on an edge, to a 100 000th of a pixel
+    assert ((face >= 0) == (inverse > 0)).all()
+
+
+def test_of_a_closed_surface_the_fronts_are_enough():
+    mesh = sphere(32)
+    assert mesh.is_closed()
+    assert not replace(mesh, faces=mesh.faces[1:]).is_closed()
+    assert not replace(mesh, faces=np.vstack([mesh.faces, mesh.faces[:1]])).is_closed()
+    camera = look_at([0, 0, 4], width=80, height=80, fx=120.0)
+    both = rasterise_depth(mesh.vertices, mesh.faces, camera)
+    front = rasterise_depth(mesh.vertices, mesh.faces, camera, -mesh.winding())
+    assert (both > 0).sum() > 500
+    np.testing.assert_array_equal(front, both)
+
+
+def test_no_hole_opens_between_small_faces():
+    """A fine plane across the whole image, at any angle: every pixel is covered."""
+    n = 60
+    u, v = np.meshgrid(np.linspace(-3, 3, n), np.linspace(-3, 3, n))
+    i = np.arange(n * n).reshape(n, n)
+    a, b, c, d = i[:-1, :-1].ravel(), i[:-1, 1:].ravel(), i[1:, :-1].ravel(), i[1:, 1:].ravel()
+    faces = np.concatenate([np.stack([a, b, c], 1), np.stack([b, d, c], 1)]).astype(np.int32)
+    for seed in range(8):
+        turn = Rotation.random(random_state=seed).as_matrix()[:, :2]
+        turn[2] *= 0.3
+        vertices = np.stack([u.ravel(), v.ravel()], 1) @ turn.T
+        normal = np.cross(*turn.T)
+        eye = 3 * normal / np.linalg.norm(normal)
+        camera = look_at(eye, width=96, height=80, fx=400.0)
+        assert (rasterise_depth(vertices, faces, camera) > 0).all()
