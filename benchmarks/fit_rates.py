@@ -49,9 +49,14 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawTextHelpFormatter
     )
     parser.add_argument("projects", nargs="+", help="results, such as out/totem.mlp")
-    documents = [Document.open(path) for path in parser.parse_args().projects]
-    works = [work_of(document) for document in documents]
+    every = [Document.open(path) for path in parser.parse_args().projects]
+    work = {id(document): work_of(document) for document in every}
     for name, rate in RATES.items():
+        documents = [d for d in every if name in d.results.record["runs"]]
+        if not documents:
+            print(f'"{name}": in no result')
+            continue
+        works = [work[id(document)] for document in documents]
         taken = np.array([d.results.record["runs"][name]["cpu_seconds"] for d in documents])
         measured = np.array(
             [w.frames * (w.decode + w.project) if name == SAMPLES else 0.0 for w in works]

@@ -180,9 +180,12 @@ def make_plan(document: Document, steps: list[Step], given: Mapping[str, Any]) -
         _highlights(trial, given),
         _reduction(reduce, found.pixels_per_texel(side), given),
     ]
+    there = {step.name for step in steps}
     for decision in decisions:
         for name, value in decision.sets.items():
-            steps = with_parameter(steps, *name.rpartition(".")[::2], value)
+            filter, _, parameter = name.rpartition(".")
+            if filter in there:
+                steps = with_parameter(steps, filter, parameter, value)
 
     fit = _parameters(steps, "compute_svbrdf_material_specular")
     work = Work(
@@ -196,7 +199,7 @@ def make_plan(document: Document, steps: list[Step], given: Mapping[str, Any]) -
     held = of_samples.memory << 20
     return Plan(
         decisions, steps, used, texels, samples,
-        stage_seconds(work, this_machine(), fit.estimator, fit.gloss, {s.name for s in steps})
+        stage_seconds(work, this_machine(), fit.estimator, fit.gloss, there)
         if trial
         else {},
         round(store_bytes(samples, texels, used, held)), round(result_bytes(work)),

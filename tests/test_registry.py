@@ -5,7 +5,7 @@ from importlib.resources import files
 
 import pytest
 
-from meshlab_svbrdf import cli, registry
+from meshlab_svbrdf import commands, registry
 from meshlab_svbrdf.errors import SvbrdfError
 from meshlab_svbrdf.filter import INPUTS, Filter
 from meshlab_svbrdf.script import check_script, read_script
@@ -46,10 +46,10 @@ def test_the_chains_run_what_each_filter_needs_before_it(chain):
 
 def test_what_the_shell_sets_exists():
     wanted = (
-        cli.TEXTURE_SIZE.split("."),
-        cli.MATERIALS.split("."),
-        (cli.RENDERING, "cameras"),
-        (cli.RENDERING, "folder"),
+        commands.TEXTURE_SIZE.split("."),
+        commands.MATERIALS.split("."),
+        (commands.RENDERING, "cameras"),
+        (commands.RENDERING, "folder"),
     )
     for name, parameter in wanted:
         assert parameter in [p.name for p in registry.get(name).parameters]

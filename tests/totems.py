@@ -111,11 +111,11 @@ def copied(factory, options: Options, folder: Path, **given: dict[str, Any]) -> 
 
 
 def contents(folder: Path) -> dict[str, str]:
-    """The digest of every file of a result that a filter made."""
+    """The digest of every file of a result; what an interrupted run left for the next is none."""
     return {
         path.relative_to(folder).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest()
         for path in sorted(folder.rglob("*"))
-        if path.is_file() and path.name != ".lock"
+        if path.is_file() and path.name != ".lock" and ".partial" not in path.parts
     }
 
 

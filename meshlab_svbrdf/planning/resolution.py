@@ -14,6 +14,8 @@ NEAREST = 0.1
 """The quantile of the frames whose pixels texels are measured by: close-ups show more."""
 ENOUGH = 0.9
 """Pixels that a texel is wide, with which nothing is lost that texels hold."""
+LEAST_WIDTH = 640
+"""Of reduced frames, in pixels: silhouettes and creases cost a few pixels whatever their size."""
 FILLED = 0.6
 """The share of a texture that charts fill, where there are none yet."""
 
@@ -25,11 +27,13 @@ class Resolution:
     pixel : a pixel's size on the surface seen head-on, world units; of the nearest tenth of frames
     exact : side of the textures, in texels, at which a texel is as large as that
     charts : the charts' area, in textures: texels = charts · side²
+    width : pixels of the narrowest frame
     """
 
     pixel: float
     exact: float
     charts: float
+    width: int
 
     @property
     def side(self) -> int:
@@ -41,8 +45,10 @@ class Resolution:
         return self.exact / side
 
     def reduction(self, side: int) -> int:
-        """By how much frames may be reduced, 1, 2 or 4, so that texels keep `ENOUGH` pixels."""
-        return next(k for k in (4, 2, 1) if k == 1 or self.pixels_per_texel(side) >= ENOUGH * k)
+        """By how much frames may be reduced, 1, 2 or 4: texels keep `ENOUGH` pixels, frames
+        `LEAST_WIDTH`."""
+        most = min(self.pixels_per_texel(side) / ENOUGH, self.width / LEAST_WIDTH)
+        return next(k for k in (4, 2, 1) if k == 1 or k <= most)
 
 
 def resolution(mesh: Mesh, cameras: Sequence[Camera]) -> Resolution:
@@ -62,4 +68,5 @@ def resolution(mesh: Mesh, cameras: Sequence[Camera]) -> Resolution:
         a, b = mesh.uv[:, 1] - mesh.uv[:, 0], mesh.uv[:, 2] - mesh.uv[:, 0]
         areas = np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]) / 2
         charts = float(areas[np.isfinite(areas)].sum()) or FILLED
-    return Resolution(pixel, float(np.sqrt(surface / charts)) / pixel, charts)
+    width = min(camera.width for camera in cameras)
+    return Resolution(pixel, float(np.sqrt(surface / charts)) / pixel, charts, width)

@@ -344,7 +344,7 @@ def test_stricter_quality_keeps_fewer_samples(walk, tmp_path):
     document = Document.open(walk, tmp_path)
     totals = []
     for given in ({"minimum_quality": 0}, {}, {"minimum_quality": 0.3}, {"border": 20}):
-        run(document, SAMPLES, **small({"reduce": "1"} | given))
+        run(document, SAMPLES, **small(given))
         totals.append(int(document.attribute("frames").sum()))
     assert totals[0] > totals[1] > totals[2]
     assert totals[1] > totals[3]

@@ -178,10 +178,13 @@ def test_no_lights_and_no_points():
     assert directional_visibility(ball(), UP[None], UP[None], []).shape == (1, 0)
 
 
-def test_nearest_hit_is_exact():
+def test_nearest_hit_is_exact_to_single_precision():
+    """Embree 3 gave these very numbers, Embree 4 is off by 1e-7."""
     face, barycentric, length = Rays(square()).nearest([[0.25, 0.5, 3]], [-UP])
     mesh = square()
-    np.testing.assert_allclose(barycentric[0] @ mesh.vertices[mesh.faces[face[0]]], [0.25, 0.5, 0])
+    np.testing.assert_allclose(
+        barycentric[0] @ mesh.vertices[mesh.faces[face[0]]], [0.25, 0.5, 0], atol=5e-7
+    )
     np.testing.assert_allclose(length, 3)
     assert Rays(square()).nearest([[0, 0, 3]], [UP])[0] == -1
 

@@ -64,4 +64,25 @@ def test_torn_coordinates_do_not_count():
     ("exact", "side"), [(0.0, 16), (1.0, 16), (256.0, 256), (257.0, 512), (1e9, 16384)]
 )
 def test_sides_are_powers_of_two_that_lose_nothing(exact, side):
-    assert Resolution(1.0, exact, 1.0).side == side
+    assert Resolution(1.0, exact, 1.0, 640).side == side
+
+
+@pytest.mark.parametrize(
+    ("pixels", "width", "times"),
+    [
+        (0.7, 1920, 1), (1.7, 1920, 1), (1.9, 1920, 2), (3.7, 1920, 2), (3.7, 3840, 4),
+        (3.7, 1279, 1), (9.0, 1280, 2), (9.0, 640, 1),
+    ],
+)  # fmt: skip
+def test_frames_are_reduced_where_neither_texels_nor_frames_get_too_coarse(pixels, width, times):
+    assert Resolution(1.0, 100 * pixels, 1.0, width).reduction(100) == times
+
+
+def test_a_reduced_camera_sees_the_same():
+    """Exactly half the pixels' coordinates, their centres at whole numbers in both."""
+    camera, point = at(3.0), np.array([[0.1, -0.2, 0.3]])
+    x, y, z = camera.project(point)[0]
+    for times in (2, 4):
+        u, v, w = camera.reduced(times).project(point)[0]
+        assert (times * (u + 0.5) - 0.5, times * (v + 0.5) - 0.5) == pytest.approx((x, y))
+        assert w == z
