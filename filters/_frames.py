@@ -109,8 +109,8 @@ def frame_sampler(
 ) -> FrameSampler:
     """What projects the frames, reduced, with these parameters.
 
-    The depth from which on quality falls is taken in steps of a quarter octave: a few more frames
-    leave the samples of the others as they are.
+    The depth from which on quality falls is taken in steps of a quarter octave of the radius: a few
+    more frames leave the samples of the others as they are.
     """
     points = max(50, min(2000, 1_000_000 // len(cameras)))
     some = mesh.vertices[:: max(1, len(mesh.vertices) // points)]
@@ -118,8 +118,9 @@ def frame_sampler(
         parameters.border, 0.05, parameters.occlusion, max(parameters.minimum_quality, 1 / 127),
         CLIPPED if reduce == 1 else CLIPPED_MEAN,
     )  # fmt: skip
-    depth = 2 ** (np.rint(4 * np.log2(reference_depth(some, cameras))) / 4)
-    return FrameSampler(mesh, texels, float(depth), quality)
+    radii = reference_depth(some, cameras) / mesh.radius
+    depth = float(2 ** (np.rint(4 * np.log2(radii)) / 4) * mesh.radius)
+    return FrameSampler(mesh, texels, depth, quality)
 
 
 def check_space(

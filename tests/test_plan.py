@@ -106,16 +106,12 @@ def test_a_matt_object_is_spared_it_unless_the_user_wants_it(tmp_path_factory, t
     made = planned(path, tmp_path / "a")
     assert decided(made, "highlights").choice == "not sought", decided(made, "highlights")
     assert of(made, "compute_svbrdf_material_specular")["gloss"] == "none"
-    assert of(made, "compute_svbrdf_texel_specular")["peaks"] == "none"
-    kept = planned(path, tmp_path / "a", material_specular__gloss="seek",
-                   texel_specular__peaks="auto")  # fmt: skip
+    kept = planned(path, tmp_path / "a", material_specular__gloss="seek")
     assert of(kept, "compute_svbrdf_material_specular")["gloss"] == "seek"
-    assert of(kept, "compute_svbrdf_texel_specular")["peaks"] == "auto"
 
     # What is spared is said, and the rest is there
     document = Document.open(path, tmp_path / "b")
     told = {s.name: document.apply(s.name, **s.parameters).message for s in made.steps}
-    assert told["compute_svbrdf_texel_specular"].startswith("skipped")
     assert "no highlights were looked for" in told["compute_svbrdf_material_specular"]
     assert not any(m["observed"] for m in document.json("materials")["materials"])
     diffuse = document.attribute("final_diffuse")
