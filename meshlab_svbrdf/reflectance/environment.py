@@ -38,13 +38,12 @@ class EnvironmentMap:
 
 
 @njit(cache=True, nogil=True)
-def _accumulate(block, view, threshold, stride, amount, weight, count):
+def _accumulate(block, view, texel, threshold, amount, weight, count):
+    """texel : (B,), those of the block"""
     height = amount.shape[0]
     coefficients = np.empty(36, np.float32)
-    for i in range(block.stop - block.first):
-        t = block.first + i
-        if t % stride != 0 or not threshold[t] >= 0:
-            continue
+    for i in range(len(texel)):
+        t = texel[i]
         has = fill_visibility(view, t, coefficients)
         for j in range(block.offsets[i], block.offsets[i + 1]):
             x, y, z = mirror_direction(view, t, block.frame[j])
@@ -79,17 +78,20 @@ def environment_map(
         largest (the letter; one noisy pixel sets the scale)
     """
     stride = max(1, int(statistics.samples.sum() // samples))
+    chosen = np.arange(0, len(statistics.threshold), stride)
+    chosen = chosen[statistics.threshold[chosen] >= 0]
 
-    def work(block):
+    def work(block, own):
         sums = np.zeros((2, height, 2 * height)), np.zeros((height, 2 * height), np.int64)
         _accumulate(
-            block, observations.view, statistics.threshold, stride, sums[0][0], sums[0][1], sums[1]
-        )
+            block, observations.view, chosen[own], statistics.threshold,
+            sums[0][0], sums[0][1], sums[1],
+        )  # fmt: skip
         return sums
 
     amount, weight = sums = np.zeros((2, height, 2 * height))
     count = np.zeros((height, 2 * height), np.int64)
-    for own_sums, own_count in observations.store.stream(work, progress):
+    for own_sums, own_count in observations.store.map_texels(work, chosen, progress):
         sums += own_sums
         count += own_count
     divisor = {"weight": weight, "count": count}[normalisation]
