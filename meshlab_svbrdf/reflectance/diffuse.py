@@ -13,7 +13,7 @@ from ..samples.observations import (
     Observations,
     color,
     fill_visibility,
-    longest_history,
+    longest,
     mirrors,
     relative_luminance,
     sample_quality,
@@ -181,8 +181,8 @@ def _mean_below(ys, bound, quality, values):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _diffuse(block, view, threshold, minimum, lit, letter, method, out):
-    longest = longest_history(block)
-    buffer, rows = np.empty((6, longest), np.float32), np.empty((5, longest), np.float32)
+    most = longest(block.offsets, 0, block.stop - block.first)
+    buffer, rows = np.empty((6, most), np.float32), np.empty((5, most), np.float32)
     for i in range(block.stop - block.first):
         t, first = block.first + i, block.offsets[i]
         n = block.offsets[i + 1] - first

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from ..samples.observations import Observations, color, mirrors, sample_quality
-from .fit_samples import is_clipped, longest
+from ..samples.observations import Observations, color, longest, mirrors, sample_quality
+from .fit_samples import is_clipped
 from .lights import Light
 from .lobes import add_sharp
 from .microfacet import PHONG, Gloss, specular

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from .fit_samples import FitSamples, longest
+from ..samples.observations import longest
+from .fit_samples import FitSamples
 from .lobes import NOTHING, add, part, soften, take
 from .power import FAST
 

@@ -57,15 +57,6 @@ class FitSamples:
 
 
 @njit(cache=True, nogil=True)
-def longest(offsets, first, stop):
-    """The most samples of a texel among first..stop."""
-    most = 0
-    for i in range(first, stop):
-        most = max(most, offsets[i + 1] - offsets[i])
-    return most
-
-
-@njit(cache=True, nogil=True)
 def is_clipped(block, view, j):
     """Any tap of sample j was clipped, or its luminance before dividing by exposure is above 98."""
     red, green, blue = block.rgb[j, 0], block.rgb[j, 1], block.rgb[j, 2]

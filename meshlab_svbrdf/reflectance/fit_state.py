@@ -8,10 +8,10 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 from numba import njit
 
-from ..samples.observations import Observations
+from ..samples.observations import Observations, longest
 from .elimination import Profile, eliminate, profile
 from .evidence import Evidence, weigh_evidence
-from .fit_samples import FitSamples, longest
+from .fit_samples import FitSamples
 from .lights import Light
 from .lobes import add_blurred
 from .phong import cast_shadows, lamps, light_texels

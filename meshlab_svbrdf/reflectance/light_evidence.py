@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from .fit_samples import longest
+from ..samples.observations import longest
 from .fit_state import FitState
 
 

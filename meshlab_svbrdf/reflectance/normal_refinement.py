@@ -15,10 +15,11 @@ from numba import njit
 
 from ..samples.observations import (
     Observations,
+    longest,
     sample_luminance,
     sample_quality,
 )
-from .fit_samples import is_clipped, longest
+from .fit_samples import is_clipped
 from .lights import Light
 from .phong import cast_shadows, lamps, light_texel
 from .pixel_blur import along_and_across, blurred_lobe, pixel_blur

@@ -10,7 +10,7 @@ from numba import njit
 from ..samples.observations import (
     Observations,
     color,
-    longest_history,
+    longest,
     relative_luminance,
 )
 
@@ -42,7 +42,7 @@ class LuminanceStatistics:
 @njit(cache=True, nogil=True, error_model="numpy")
 def _threshold(block, view, cut, least, threshold, mean, minimum, rgb, samples):
     """cut : quality, 0..127"""
-    ys = np.empty(longest_history(block), np.float32)
+    ys = np.empty(longest(block.offsets, 0, block.stop - block.first), np.float32)
     for i in range(block.stop - block.first):
         red, green, blue, total, low, n = 0.0, 0.0, 0.0, 0.0, np.float32(np.inf), 0
         for j in range(block.offsets[i], block.offsets[i + 1]):

@@ -155,12 +155,12 @@ def sample_luminance(block, view, j):
 
 
 @njit(cache=True, nogil=True)
-def longest_history(block):
-    """Samples of the texel of a block that has most of them."""
-    longest = 0
-    for i in range(block.stop - block.first):
-        longest = max(longest, block.offsets[i + 1] - block.offsets[i])
-    return longest
+def longest(offsets, first, stop):
+    """The most samples of a texel among first..stop."""
+    most = 0
+    for i in range(first, stop):
+        most = max(most, offsets[i + 1] - offsets[i])
+    return most
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
