@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -13,6 +14,9 @@ from .mesh import Mesh
 # The charts shrink by this step until they fit; below the least scale there is no room for texels.
 SHRINK = 0.97
 LEAST_SCALE = 0.1
+REST = 0.01
+"""Seconds until xatlas's threads sleep. One that is just falling asleep when its atlas is destroyed
+misses the call to end, and is waited for for ever."""
 
 
 def parametrise(mesh: Mesh, texture_size: int = 1024, padding: int = 4) -> Mesh:
@@ -45,6 +49,7 @@ def parametrise(mesh: Mesh, texture_size: int = 1024, padding: int = 4) -> Mesh:
     atlas = xatlas.Atlas()
     atlas.add_mesh(positions, mesh.faces.astype(np.uint32), normals)
     atlas.generate()
+    time.sleep(REST)
     _, wedges, uv = atlas.get_mesh(0)
     charts = (uv * [atlas.width, atlas.height]).astype(np.float32)
     e1, e2 = (
@@ -65,6 +70,7 @@ def parametrise(mesh: Mesh, texture_size: int = 1024, padding: int = 4) -> Mesh:
         packed = xatlas.Atlas()
         packed.add_uv_mesh(charts, wedges)
         packed.generate(pack_options=options)
+        time.sleep(REST)
         if packed.atlas_count == 1:
             _, corners, uv = packed.get_mesh(0)
             uv = uv * np.array([packed.width, packed.height]) / texture_size
