@@ -24,7 +24,7 @@ FILTER = Filter(
     title="SVBRDF: samples",
     needs=("mesh", "rasters", "texels"),
     writes=("samples",),
-    version=2,
+    version=3,
     parameters=(
         Parameter(
             "exposure", "enum", "auto", choices=("auto", "exif", "raster", "none"),

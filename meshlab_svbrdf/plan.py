@@ -39,12 +39,12 @@ from .planning.trial import (
     ENOUGH_TEXELS,
     RISING,
     Highlights,
-    Samples,
     seek_highlights,
     surface_texels,
 )
 from .presets import TEXTURE_SIZE, with_parameter
 from .samples.choose_frames import choose_frames
+from .samples.chunks import SampledFrame
 from .script import Step
 from .threads import thread_count
 
@@ -301,7 +301,7 @@ def try_frames(
     cameras = [raster.camera.reduced(reduce) for raster in rasters]
     few = frame_sampler(mesh, surface_texels(mesh, TRIED_TEXELS), cameras, parameters, reduce)
     many = frame_sampler(mesh, surface_texels(mesh, TIMED_TEXELS), cameras, parameters, reduce)
-    samples: list[Samples] = []
+    samples: list[SampledFrame] = []
     decode: list[float] = []
     base: list[float] = []
     whole: list[float] = []
@@ -325,7 +325,7 @@ def try_frames(
             whole.append(time.thread_time() - start)
     if not samples:
         return None
-    share = np.mean([len(texel) for texel, _, _ in samples]) / TRIED_TEXELS
+    share = np.mean([len(texel) for texel, _ in samples]) / TRIED_TEXELS
     fixed, more = float(np.median(base)), float(np.median(whole))
     each = max(0.0, more - fixed) / (TIMED_TEXELS - TRIED_TEXELS)
     project = max(0.0, fixed - each * TRIED_TEXELS) + each * texels

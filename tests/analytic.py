@@ -14,6 +14,7 @@ from meshlab_svbrdf.geometry.camera import Camera
 from meshlab_svbrdf.geometry.mesh import Mesh
 from meshlab_svbrdf.geometry.texels import Texels
 from meshlab_svbrdf.reflectance.lights import Light
+from meshlab_svbrdf.samples.chunks import SampledFrame
 from meshlab_svbrdf.samples.luminance import to_srgb8
 from meshlab_svbrdf.samples.observations import Observations, observe
 from meshlab_svbrdf.samples.store import SampleStore, write_store
@@ -181,7 +182,7 @@ def store_of(folder: Path, codes, quality, **kw) -> SampleStore:
 
     def sample(f):
         texel = np.flatnonzero(quality[:, f]).astype(np.int32)
-        return texel, codes[texel, f], quality[texel, f]
+        return SampledFrame(texel, np.column_stack([codes[texel, f], quality[texel, f]]))
 
     return write_store(folder, *quality.shape, sample, **kw)
 

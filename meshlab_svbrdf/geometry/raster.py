@@ -1,7 +1,7 @@
 """The one rasteriser: which face a camera sees at each pixel, and how far away.
 
-Corners are projected once. A small face tests the pixels around it, eight at a time without a
-branch; a large one is filled row by row between its edges. A face that reaches behind the camera is
+Corners are projected once. Small faces are prepared several at once, and test the pixels around
+them; a large one is filled row by row between its edges. A face that reaches behind the camera is
 filled in homogeneous image coordinates (Olano and Greer 1997), which need no clipping.
 """
 
@@ -13,7 +13,8 @@ from numba import njit
 from .camera import Camera
 
 _NEAR = 1e-9  # depth, in world units, at which a corner counts as behind the camera
-LANES = 8  # pixels that are tested without a branch
+BATCH = 64  # small faces that are prepared at once
+SMALL = 16  # pixels wide and high, below which a face is small: float32 will do
 _WIDE = 1e7  # pixels; farther out the edges' double precision gives out
 
 
@@ -62,51 +63,74 @@ def _fill_homogeneous(a, b, c, f, inverse_depth, face_index):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _fill_small(edges, plane, left, top, bottom, f, inverse_depth, face_index):
-    """Test the pixels of a face that is at most `LANES` wide."""
-    (u0, v0, u1, v1), (_, _, u2, v2), _ = edges
-    du, dv, base, least, most = plane
-    # Edge functions about the first pixel: in float32, for they are small here
-    a0, b0, c0 = _edge_function(u0, v0, u1, v1, left, top)
-    a1, b1, c1 = _edge_function(u1, v1, u2, v2, left, top)
-    a2, b2, c2 = _edge_function(u2, v2, u0, v0, left, top)
-    first, slope = np.float32(base + du * left + dv * top), np.float32(du)
-    down, least, most = np.float32(dv), np.float32(least), np.float32(most)
-    for row in range(bottom - top + 1):
-        r = np.float32(row)
-        e0, e1, e2, w0 = c0 + b0 * r, c1 + b1 * r, c2 + b2 * r, first + down * r
-        depth = inverse_depth[top + row, left : left + LANES]
-        for lane in range(LANES):
-            x = np.float32(lane)
-            inside = (e0 + a0 * x >= 0) & (e1 + a1 * x >= 0) & (e2 + a2 * x >= 0)
-            w = min(max(w0 + slope * x, least), most)
-            if len(face_index) and inside and w > depth[lane]:
-                face_index[top + row, left + lane] = f
-            depth[lane] = max(depth[lane], w if inside else np.float32(0))
+def _prepare(corners, edges, depth):
+    """Edge functions and depth of small faces: a loop that the compiler makes eight faces wide.
 
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _edge_function(u0, v0, u1, v1, left, top):
-    """a, b, c of a · column + b · row + c, which is ≥ 0 inside; pixels count from (left, top).
-
-    Faces overlap by a 100 000th of a pixel, so that rounding leaves no hole between them.
+    corners : (10, N) float32: columns and rows of three corners from the face's first pixel on, 1/z
+        of the first and how much more that of the others is, twice the area
+    edges : (9, N), three times a, b, c of a · column + b · row + c, which is ≥ 0 inside. Faces
+        overlap by a 100 000th of a pixel, so that rounding leaves no hole between them.
+    depth : (5, N), how much more than at the first corner 1/z is: its slopes along columns and
+        rows, its value at the first pixel, its bounds
     """
-    a, b = v0 - v1, u1 - u0
-    c = a * (left - u0) + b * (top - v0) + 1e-5 * (abs(a) + abs(b))
-    return np.float32(a), np.float32(b), np.float32(c)
+    u0, v0, u1, v1, u2, v2 = (
+        corners[0], corners[1], corners[2], corners[3], corners[4], corners[5],
+    )  # fmt: skip
+    w01, w02, area = corners[7], corners[8], corners[9]
+    a0, b0, c0, a1, b1, c1 = edges[0], edges[1], edges[2], edges[3], edges[4], edges[5]
+    a2, b2, c2 = edges[6], edges[7], edges[8]
+    du, dv, base, least, most = depth[0], depth[1], depth[2], depth[3], depth[4]
+    zero, overlap = np.float32(0), np.float32(1e-5)
+    for k in range(len(u0)):
+        a0[k], b0[k] = v0[k] - v1[k], u1[k] - u0[k]
+        a1[k], b1[k] = v1[k] - v2[k], u2[k] - u1[k]
+        a2[k], b2[k] = v2[k] - v0[k], u0[k] - u2[k]
+        c0[k] = overlap * (abs(a0[k]) + abs(b0[k])) - a0[k] * u0[k] - b0[k] * v0[k]
+        c1[k] = overlap * (abs(a1[k]) + abs(b1[k])) - a1[k] * u1[k] - b1[k] * v1[k]
+        c2[k] = overlap * (abs(a2[k]) + abs(b2[k])) - a2[k] * u2[k] - b2[k] * v2[k]
+        # 1/z is linear in the pixel, and never beyond the corners'
+        du[k] = (a2[k] * w01[k] + a0[k] * w02[k]) / area[k]
+        dv[k] = (b2[k] * w01[k] + b0[k] * w02[k]) / area[k]
+        base[k] = -du[k] * u0[k] - dv[k] * v0[k]
+        least[k], most[k] = min(min(w01[k], w02[k]), zero), max(max(w01[k], w02[k]), zero)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _fill_rows(edges, plane, top, bottom, f, inverse_depth, face_index):
+def _fill_small(corners, edges, depth, box, face, count, inverse_depth, face_index):
+    """Test every pixel of the first `count` of some small faces' boxes (4, N)."""
+    for k in range(count):
+        a0, b0, c0 = edges[0, k], edges[1, k], edges[2, k]
+        a1, b1, c1 = edges[3, k], edges[4, k], edges[5, k]
+        a2, b2, c2 = edges[6, k], edges[7, k], edges[8, k]
+        du, dv, base, least, most = depth[0, k], depth[1, k], depth[2, k], depth[3, k], depth[4, k]
+        left, top = box[0, k], box[2, k]
+        for row in range(box[3, k] - top + 1):
+            y = np.float32(row)
+            e0, e1, e2, more = c0 + b0 * y, c1 + b1 * y, c2 + b2 * y, base + dv * y
+            for col in range(box[1, k] - left + 1):
+                x = np.float32(col)
+                if min(e0 + a0 * x, e1 + a1 * x, e2 + a2 * x) >= 0:
+                    w = corners[6, k] + min(max(more + du * x, least), most)
+                    _put(inverse_depth, face_index, top + row, left + col, w, face[k])
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _fill_rows(u0, v0, w0, u1, v1, w1, u2, v2, w2, f, inverse_depth, face_index):
     """Fill a face row by row, each edge a bound of the columns from the left or the right."""
-    du, dv, base, least, most = plane
-    for row in range(top, bottom + 1):
-        left, right = 0.0, inverse_depth.shape[1] - 1.0
-        for u0, v0, u1, v1 in edges:
-            if v0 > v1:
-                left = max(left, np.ceil(u0 + (u1 - u0) * (row - v0) / (v1 - v0)))
-            elif v0 < v1:
-                right = min(right, np.floor(u0 + (u1 - u0) * (row - v0) / (v1 - v0)))
+    height, width = inverse_depth.shape
+    area = (u1 - u0) * (v2 - v0) - (u2 - u0) * (v1 - v0)
+    du = ((w1 - w0) * (v2 - v0) - (w2 - w0) * (v1 - v0)) / area
+    dv = ((w2 - w0) * (u1 - u0) - (w1 - w0) * (u2 - u0)) / area
+    base, least, most = w0 - du * u0 - dv * v0, min(w0, w1, w2), max(w0, w1, w2)
+    edges = ((u0, v0, u1, v1), (u1, v1, u2, v2), (u2, v2, u0, v0))
+    top, bottom = max(np.ceil(min(v0, v1, v2)), 0.0), min(np.floor(max(v0, v1, v2)), height - 1.0)
+    for row in range(int(top), int(bottom) + 1):
+        left, right = 0.0, width - 1.0
+        for ua, va, ub, vb in edges:
+            if va > vb:
+                left = max(left, np.ceil(ua + (ub - ua) * (row - va) / (vb - va)))
+            elif va < vb:
+                right = min(right, np.floor(ua + (ub - ua) * (row - va) / (vb - va)))
         start = base + dv * row
         for col in range(int(left), int(right) + 1):
             _put(inverse_depth, face_index, row, col, min(max(start + du * col, least), most), f)
@@ -119,6 +143,9 @@ def _rasterise(points, homogeneous, faces, front, inverse_depth, face_index):
     front : 1 or −1, the sign of the image area of faces to fill; 0: both
     """
     height, width = inverse_depth.shape
+    corners = np.ones((10, BATCH), np.float32)
+    edges, depth = np.empty((9, BATCH), np.float32), np.empty((5, BATCH), np.float32)
+    box, face, held = np.empty((4, BATCH), np.int64), np.empty(BATCH, np.int64), 0
     for f in range(len(faces)):
         i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
         w0, w1, w2 = points[i, 2], points[j, 2], points[k, 2]
@@ -130,26 +157,33 @@ def _rasterise(points, homogeneous, faces, front, inverse_depth, face_index):
         u0, v0, u1, v1 = points[i, 0], points[i, 1], points[j, 0], points[j, 1]
         u2, v2 = points[k, 0], points[k, 1]
         # Skip what lies between pixel centres or outside, and what faces away
-        top = int(max(np.ceil(min(v0, v1, v2)), 0.0))
-        bottom = int(min(np.floor(max(v0, v1, v2)), height - 1.0))
-        if top > bottom or max(u0, u1, u2) < 0.0 or min(u0, u1, u2) > width - 1.0:
+        top, bottom = np.ceil(min(v0, v1, v2)), np.floor(max(v0, v1, v2))
+        left, right = np.ceil(min(u0, u1, u2)), np.floor(max(u0, u1, u2))
+        top, bottom = max(top, 0.0), min(bottom, height - 1.0)
+        left, right = max(left, 0.0), min(right, width - 1.0)
+        if top > bottom or left > right:
             continue
         area = (u1 - u0) * (v2 - v0) - (u2 - u0) * (v1 - v0)
         if not abs(area) > 0.0 or area * front < 0.0:
             continue
         if area < 0.0:
             u1, v1, w1, u2, v2, w2 = u2, v2, w2, u1, v1, w1
-            area = -area
-        # 1/z is linear in the pixel, and never beyond the corners'
-        du = ((w1 - w0) * (v2 - v0) - (w2 - w0) * (v1 - v0)) / area
-        dv = ((w2 - w0) * (u1 - u0) - (w1 - w0) * (u2 - u0)) / area
-        plane = (du, dv, w0 - du * u0 - dv * v0, min(w0, w1, w2), max(w0, w1, w2))
-        edges = ((u0, v0, u1, v1), (u1, v1, u2, v2), (u2, v2, u0, v0))
-        left, right = np.ceil(min(u0, u1, u2)), np.floor(max(u0, u1, u2))
-        if left >= 0.0 and right < left + LANES and left + LANES <= width:
-            _fill_small(edges, plane, int(left), top, bottom, f, inverse_depth, face_index)
-        else:
-            _fill_rows(edges, plane, top, bottom, f, inverse_depth, face_index)
+        if right - left >= SMALL or bottom - top >= SMALL:
+            _fill_rows(u0, v0, w0, u1, v1, w1, u2, v2, w2, f, inverse_depth, face_index)
+            continue
+        corners[0, held], corners[1, held] = u0 - left, v0 - top
+        corners[2, held], corners[3, held] = u1 - left, v1 - top
+        corners[4, held], corners[5, held] = u2 - left, v2 - top
+        corners[6, held], corners[7, held], corners[8, held] = w0, w1 - w0, w2 - w0
+        box[0, held], box[1, held], box[2, held], box[3, held] = left, right, top, bottom
+        corners[9, held], face[held] = abs(area), f
+        held += 1
+        if held == BATCH:
+            _prepare(corners, edges, depth)
+            _fill_small(corners, edges, depth, box, face, held, inverse_depth, face_index)
+            held = 0
+    _prepare(corners, edges, depth)
+    _fill_small(corners, edges, depth, box, face, held, inverse_depth, face_index)
 
 
 def _fill(vertices, faces, camera: Camera, front: int, inverse_depth, face_index) -> None:

@@ -13,10 +13,11 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from ..samples.chunks import HELD_BYTES
+
 SAMPLE_BYTES = 5
 OFFSET_BYTES = 4
 CHUNK_FRAMES = 256
-HELD_BYTES = 8  # a sample's, before its chunk is written
 SAMPLES = "compute_svbrdf_samples"
 GLOSS = "compute_svbrdf_material_specular"
 
@@ -133,7 +134,7 @@ def memory_bytes(work: Work, held: int) -> float:
 
     held : bytes of samples that are held before a chunk is written
     """
-    projecting = min(float(held), HELD_BYTES * work.samples) * (1 + SAMPLE_BYTES / HELD_BYTES)
+    projecting = min(float(held), HELD_BYTES * work.samples) * (2 + SAMPLE_BYTES / HELD_BYTES)
     fitting = FITTED_BYTES * min(work.samples, work.fitted)
     at_texels = TEXEL_BYTES * work.texels + max(projecting, fitting)
     return PROGRAM_BYTES + max(at_texels, MATERIAL_BYTES * work.texels)

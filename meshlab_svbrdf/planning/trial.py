@@ -12,6 +12,7 @@ import numpy as np
 
 from ..geometry.mesh import Mesh
 from ..geometry.texels import Texels
+from ..samples.chunks import SampledFrame
 from ..samples.luminance import decode, luminance
 
 GOOD = 0.3  # quality of the samples that count: away from silhouettes, where pixels mix
@@ -25,8 +26,6 @@ ALIKE = 100  # texels, about, whose noise is pooled
 # .003, .006 and .04; of clay with the faintest gloss, α = 8 and ρs = .05: .04, .06 and .67.
 RISING, UNSTEADY, LOPSIDED = 0.005, 0.03, 0.08
 STEADY = 0.15  # of the median: a texel that varies by more may vary by a broad highlight
-
-Samples = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -87,19 +86,18 @@ def surface_texels(mesh: Mesh, count: int) -> Texels:
     )  # fmt: skip
 
 
-def seek_highlights(frames: Sequence[Samples], count: int) -> Highlights:
+def seek_highlights(frames: Sequence[SampledFrame], count: int) -> Highlights:
     """Whether any samples rise above their texel's median by more than noise.
 
-    frames : each the sampler's texel (n,), rgb (n, 3) uint8 and quality (n,) uint8
-    count : texels that there are
+    frames : what the sampler found; count : texels that there are
 
     A texel's noise is taken from the lower half of its samples, which highlights do not reach; a
     few samples may seem quieter than they are, so it is at least what is usual at its brightness.
     """
-    texel, rgb, quality = (np.concatenate(part) for part in zip(*frames, strict=True))
-    good = (quality & 127) >= GOOD * 127
-    texel, rgb, quality = texel[good], rgb[good], quality[good]
-    bright, clipped = 100 * luminance(decode(rgb / 255)), quality > 127
+    every = SampledFrame(*(np.concatenate(part) for part in zip(*frames, strict=True)))
+    good = (every.quality & 127) >= GOOD * 127
+    texel, bright = every.texel[good], 100 * luminance(decode(every.rgb[good] / 255))
+    clipped = every.quality[good] > 127
     order = np.lexsort((bright, texel))
     texel, bright, clipped = texel[order], bright[order], clipped[order]
     number = np.bincount(texel, minlength=count)

@@ -59,9 +59,9 @@ class FitSamples:
 @njit(cache=True, nogil=True)
 def is_clipped(block, view, j):
     """Any tap of sample j was clipped, or its luminance before dividing by exposure is above 98."""
-    red, green, blue = block.rgb[j, 0], block.rgb[j, 1], block.rgb[j, 2]
+    red, green, blue = block.value[j, 0], block.value[j, 1], block.value[j, 2]
     own = 0.2126 * view.linear[red] + 0.7152 * view.linear[green] + 0.0722 * view.linear[blue]
-    return block.quality[j] >= 128 or 100.0 * own > SATURATED
+    return block.value[j, 3] >= 128 or 100.0 * own > SATURATED
 
 
 @njit(cache=True, nogil=True)

@@ -46,7 +46,7 @@ def _threshold(block, view, cut, least, threshold, mean, minimum, rgb, samples):
     for i in range(block.stop - block.first):
         red, green, blue, total, low, n = 0.0, 0.0, 0.0, 0.0, np.float32(np.inf), 0
         for j in range(block.offsets[i], block.offsets[i + 1]):
-            if block.quality[j] & 127 >= cut:
+            if block.value[j, 3] & 127 >= cut:
                 r, g, b = color(block, view, j)
                 y = relative_luminance(r, g, b)
                 red, green, blue, total = red + r, green + g, blue + b, total + y

@@ -13,6 +13,7 @@ from ..geometry.mesh import Mesh
 from ..geometry.raster import rasterise_depth
 from ..geometry.texel_groups import GROUP, faces_away, group_texels
 from ..geometry.texels import Texels
+from .chunks import SampledFrame
 from .luminance import decode, encode
 
 CLIPPED = 254
@@ -106,7 +107,7 @@ def _project(
 def _sample(
     position, normal, groups, R, t, intrinsics, eye, image, inverse_depth, distance, origin,
     to_linear, to_code, border, occlusion, reference_depth, cut, limit,
-    out_texel, out_rgb, out_quality,
+    out_texel, out_value,
 ):  # fmt: skip
     """Test, weigh and sample the texels, in their order; returns how many are seen.
 
@@ -137,7 +138,7 @@ def _sample(
             if not (0 <= row < inverse_depth.shape[0] and 0 <= col < inverse_depth.shape[1]):
                 continue
             w = inverse_depth[row, col]
-            if w <= 0 or (z - one / w) * projected[3, k] > occlusion:
+            if w <= 0 or (z * w - one) * projected[3, k] > occlusion * w:
                 continue
             # Weigh by the distance to the border too
             d = min(distance[row, col], min(min(x, right - x), min(y, bottom - y)) + half)
@@ -161,10 +162,10 @@ def _sample(
                     + w10 * to_linear[p10]
                     + w11 * to_linear[p11]
                 )
-                out_rgb[n, channel] = to_code[np.uint64(linear * steps + half)]
+                out_value[n, channel] = to_code[np.uint64(linear * steps + half)]
             out_texel[n] = first + k
             clipped = np.uint8(128) if brightest >= limit else np.uint8(0)
-            out_quality[n] = np.uint8(quality * np.float32(127) + half) | clipped
+            out_value[n, 3] = np.uint8(quality * np.float32(127) + half) | clipped
             n += 1
     return n
 
@@ -210,7 +211,7 @@ class FrameSampler:
 
     def sample(
         self, camera: Camera, image: np.ndarray, mask: np.ndarray | None = None
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    ) -> SampledFrame:
         """The texels that see this frame.
 
         Parameters
@@ -218,12 +219,6 @@ class FrameSampler:
         camera : in the world (not about the centre)
         image : (H, W, 3) uint8, sRGB
         mask : (H, W) bool, True where the object is; or None
-
-        Returns
-        -------
-        texel : (n,) int32, ascending
-        rgb : (n, 3) uint8, sRGB, interpolated in linear light
-        quality : (n,) uint8: quality · 127 in the low seven bits; the top bit: any tap was clipped
         """
         q, texels = self.quality, self.texels
         size = (camera.height, camera.width)
@@ -237,10 +232,9 @@ class FrameSampler:
         camera = camera.about(texels.center)
         left, top, right, bottom = _window(camera, self.box)
         count = len(texels) if left < right and top < bottom else 0
-        texel, rgb = np.empty(count, np.int32), np.empty((count, 3), np.uint8)
-        weight = np.empty(count, np.uint8)
+        texel, value = np.empty(count, np.int32), np.empty((count, 4), np.uint8)
         if count == 0:
-            return texel, rgb, weight
+            return SampledFrame(texel, value)
         # Look where the object is, and one pixel beyond
         inverse_depth = rasterise_depth(
             self.vertices, self.faces, camera.cropped(left, top, right, bottom), self.front
@@ -260,9 +254,9 @@ class FrameSampler:
             camera.center.astype(np.float32), np.ascontiguousarray(image), inverse_depth, distance,
             (left, top), _TO_LINEAR, _TO_CODE, np.float32(q.border * camera.width / 640),
             np.float32(q.occlusion * texels.radius), np.float32(self.reference_depth),
-            np.float32(q.cut), np.uint8(q.clipped), texel, rgb, weight,
+            np.float32(q.cut), np.uint8(q.clipped), texel, value,
         )  # fmt: skip
-        return texel[:n].copy(), rgb[:n].copy(), weight[:n].copy()
+        return SampledFrame(texel[:n].copy(), value[:n].copy())
 
 
 def _window(camera: Camera, box: np.ndarray) -> tuple[int, int, int, int]:

@@ -1,27 +1,27 @@
 """Chunks of the sample store: the samples of some frames, texel-major (CSR).
 
-`offsets` (T+1) uint32, and per sample `frame` uint8 (within the chunk), `rgb` 3 × uint8 (sRGB) and
-`quality` uint8 (7 bits, the top bit marks clipped): 5 bytes a sample.
+`offsets` (T+1) uint32, and per sample `frame` uint8 (within the chunk) and `value` 4 × uint8: sRGB
+and the quality (7 bits, the top bit marks clipped). 5 bytes a sample.
 """
 
 from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numba import njit
 
 MOST_FRAMES = 256  # of a chunk: a byte counts them
-COLUMNS = ("frame", "rgb", "quality")
-TRANSPOSED = 4096
+COLUMNS = ("frame", "value")
+TRANSPOSED = 2048
 """Texels that are transposed at once: their samples fit a core's cache."""
-
-SampledFrame = tuple[np.ndarray, np.ndarray, np.ndarray]
+HELD_BYTES = 8
+"""A sample's, before it is transposed: its texel and its value."""
 
 
 class Chunk(Protocol):
@@ -95,6 +95,36 @@ def _layout(path: Path) -> tuple[int, np.dtype, tuple[int, ...]]:
     return array.offset, array.dtype, array.shape[1:]
 
 
+def words_of(value: np.ndarray) -> np.ndarray:
+    """Colour and quality (n, 4) uint8 as one number each, (n,) uint32, which moves faster."""
+    return value.view(np.uint32)[:, 0]
+
+
+def bytes_of(words: np.ndarray) -> np.ndarray:
+    """Inverse of `words_of`."""
+    return words.view(np.uint8).reshape(-1, 4)
+
+
+class SampledFrame(NamedTuple):
+    """What a frame shows of the texels.
+
+    texel : (n,) int32, ascending
+    value : (n, 4) uint8: sRGB, interpolated in linear light, and the quality · 127 in seven bits;
+        the top bit: any tap was clipped
+    """
+
+    texel: np.ndarray
+    value: np.ndarray
+
+    @property
+    def rgb(self) -> np.ndarray:
+        return self.value[:, :3]
+
+    @property
+    def quality(self) -> np.ndarray:
+        return self.value[:, 3]
+
+
 @njit(cache=True, nogil=True)
 def _count(texel, counts):
     for i in range(len(texel)):
@@ -102,36 +132,72 @@ def _count(texel, counts):
 
 
 @njit(cache=True, nogil=True)
-def _scatter(texel, rgb, quality, start, stop, cursor, out_frame, out_rgb, out_quality):
+def _scatter(texel, value, start, stop, cursor, out_frame, out_value):
     """Append the samples start..stop of each frame to their texels' runs, frame by frame."""
     for f in range(len(start)):
         for i in range(start[f], stop[f]):
             k = cursor[texel[i]]
             cursor[texel[i]] = k + np.uint32(1)
             out_frame[k] = f
-            out_rgb[k, 0], out_rgb[k, 1], out_rgb[k, 2] = rgb[i, 0], rgb[i, 1], rgb[i, 2]
-            out_quality[k] = quality[i]
+            out_value[k] = value[i]
 
 
-def transpose(held: Sequence[SampledFrame], texels: int, pool: ThreadPoolExecutor) -> MemoryChunk:
-    """Some frames' samples (texel ascending, rgb, quality), texel by texel."""
-    texel, colors, weights = (np.concatenate(column) for column in zip(*held, strict=True))
-    counts = np.zeros(texels + 1, np.uint32)
-    _count(texel, counts[1:])
-    offsets = np.cumsum(counts, dtype=np.uint32)
-    frame, rgb = np.empty(len(texel), np.uint8), np.empty((len(texel), 3), np.uint8)
-    quality, cursor = np.empty(len(texel), np.uint8), offsets[:-1].copy()
-    # Go from one stretch of texels to the next, so that what is written stays in the cache
-    edges = np.arange(0, texels + TRANSPOSED, TRANSPOSED)
-    starts = np.cumsum([0, *(len(part[0]) for part in held)])[:-1]
-    cuts = np.array([np.searchsorted(part[0], edges) for part in held]) + starts[:, None]
+class Held:
+    """Frames one after the other, until they are transposed."""
 
-    def stretch(k: int) -> None:
-        _scatter(
-            texel, colors, weights, cuts[:, k], cuts[:, k + 1], cursor, frame, rgb, quality
-        )  # fmt: skip
+    def __init__(self, samples: int) -> None:
+        """samples : of which there is room"""
+        self._texel, self._value = np.empty(samples, np.int32), np.empty(samples, np.uint32)
+        self.clear()
 
-    list(pool.map(stretch, range(len(edges) - 1)))
-    return MemoryChunk(
-        len(held), {"offsets": offsets, "frame": frame, "rgb": rgb, "quality": quality}
-    )
+    def __len__(self) -> int:
+        """How many frames."""
+        return len(self._quality)
+
+    @property
+    def bytes(self) -> int:
+        return HELD_BYTES * self._ends[-1]
+
+    @property
+    def seen(self) -> np.ndarray:
+        """Samples of each frame."""
+        return np.diff(np.array(self._ends, np.int64))
+
+    @property
+    def quality(self) -> np.ndarray:
+        """The mean of each frame's samples."""
+        return np.array(self._quality) / np.maximum(self.seen, 1)
+
+    def clear(self) -> None:
+        self._ends: list[int] = [0]
+        self._quality: list[float] = []
+
+    def append(self, frame: SampledFrame) -> None:
+        first, stop = self._ends[-1], self._ends[-1] + len(frame.texel)
+        self._texel[first:stop] = frame.texel
+        self._value[first:stop] = words_of(frame.value)
+        self._ends.append(stop)
+        self._quality.append((frame.quality & 127).sum() / 127)
+
+    def transpose(self, texels: int, pool: ThreadPoolExecutor) -> MemoryChunk:
+        """The frames' samples, texel by texel."""
+        ends = np.array(self._ends)
+        texel, value = self._texel[: ends[-1]], self._value[: ends[-1]]
+        counts = np.zeros(texels + 1, np.uint32)
+        _count(texel, counts[1:])
+        offsets = np.cumsum(counts, dtype=np.uint32)
+        frame, out, cursor = (
+            np.empty(len(texel), np.uint8),
+            np.empty_like(value),
+            offsets[:-1].copy(),
+        )
+        # Go from one stretch of texels to the next, so that what is written stays in the cache
+        edges = np.arange(0, texels + TRANSPOSED, TRANSPOSED)
+        cuts = np.array([a + np.searchsorted(texel[a:b], edges) for a, b in pairwise(ends)])
+        cuts = cuts.reshape(len(self), len(edges))
+
+        def stretch(k: int) -> None:
+            _scatter(texel, value, cuts[:, k], cuts[:, k + 1], cursor, frame, out)
+
+        list(pool.map(stretch, range(len(edges) - 1)))
+        return MemoryChunk(len(self), {"offsets": offsets, "frame": frame, "value": bytes_of(out)})

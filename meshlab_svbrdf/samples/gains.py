@@ -24,8 +24,8 @@ def _ratios(block, view, stride, logs, texel_of, frame_of, filled):
             continue
         for j in range(block.offsets[i], block.offsets[i + 1]):
             if (
-                block.quality[j] >= 128
-                or min(block.rgb[j, 0], block.rgb[j, 1], block.rgb[j, 2]) < 8
+                block.value[j, 3] >= 128
+                or min(block.value[j, 0], block.value[j, 1], block.value[j, 2]) < 8
             ):
                 continue
             r, g, b = color(block, view, j)

@@ -135,9 +135,9 @@ def color(block, view, j):
     """Sample j's linear RGB, 0..100 of the median exposure."""
     f = block.frame[j]
     return (
-        view.linear[block.rgb[j, 0]] * view.scale[f, 0],
-        view.linear[block.rgb[j, 1]] * view.scale[f, 1],
-        view.linear[block.rgb[j, 2]] * view.scale[f, 2],
+        view.linear[block.value[j, 0]] * view.scale[f, 0],
+        view.linear[block.value[j, 1]] * view.scale[f, 1],
+        view.linear[block.value[j, 2]] * view.scale[f, 2],
     )
 
 
@@ -166,7 +166,7 @@ def longest(offsets, first, stop):
 @njit(cache=True, nogil=True, error_model="numpy")
 def sample_quality(block, j):
     """Sample j's quality in 0..1, without the clipping bit."""
-    return np.float32(block.quality[j] & 127) / np.float32(127)
+    return np.float32(block.value[j, 3] & 127) / np.float32(127)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -13,7 +13,7 @@ import json
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from itertools import pairwise
+from itertools import count, pairwise
 from pathlib import Path
 from typing import NamedTuple, TypeVar
 
@@ -21,7 +21,17 @@ import numpy as np
 from numba import njit
 
 from ..threads import thread_count
-from .chunks import COLUMNS, MOST_FRAMES, Chunk, FileChunk, SampledFrame, transpose
+from .chunks import (
+    COLUMNS,
+    HELD_BYTES,
+    MOST_FRAMES,
+    Chunk,
+    FileChunk,
+    Held,
+    SampledFrame,
+    bytes_of,
+    words_of,
+)
 
 DESCRIPTION = "store.json"
 
@@ -32,43 +42,32 @@ class Block(NamedTuple):
     """The samples of the texels first..stop, texel by texel, in the frames' order.
 
     offsets : (B+1,) int64 into the samples
-    frame : (n,) int32; rgb : (n, 3) uint8 sRGB; quality : (n,) uint8
+    frame : (n,) int32; value : (n, 4) uint8, sRGB and quality (samples/chunks.py)
     """
 
     first: int
     stop: int
     offsets: np.ndarray
     frame: np.ndarray
-    rgb: np.ndarray
-    quality: np.ndarray
+    value: np.ndarray
+
+    @property
+    def rgb(self) -> np.ndarray:
+        return self.value[:, :3]
+
+    @property
+    def quality(self) -> np.ndarray:
+        return self.value[:, 3]
 
 
 @njit(cache=True, nogil=True)
-def _gather(
-    offsets, base, frame, rgb, quality, first_frame, cursor, out_frame, out_rgb, out_quality
-):
-    """Append one chunk's slices to the block; `base` is where the slice starts in the chunk."""
-    for i in range(len(cursor)):
-        k = cursor[i]
-        for j in range(np.int64(offsets[i]) - base, np.int64(offsets[i + 1]) - base):
-            out_frame[k] = first_frame + frame[j]
-            out_rgb[k, 0], out_rgb[k, 1], out_rgb[k, 2] = rgb[j, 0], rgb[j, 1], rgb[j, 2]
-            out_quality[k] = quality[j]
-            k += 1
-        cursor[i] = k
-
-
-@njit(cache=True, nogil=True)
-def _gather_texels(
-    low, high, frame, rgb, quality, first_frame, cursor, out_frame, out_rgb, out_quality
-):
-    """As `_gather`, of texels whose slices low..high lie apart."""
+def _gather(low, high, frame, value, first_frame, cursor, out_frame, out_value):
+    """Append each texel's slice low..high of a chunk to the block."""
     for i in range(len(cursor)):
         k = cursor[i]
         for j in range(low[i], high[i]):
             out_frame[k] = first_frame + frame[j]
-            out_rgb[k, 0], out_rgb[k, 1], out_rgb[k, 2] = rgb[j, 0], rgb[j, 1], rgb[j, 2]
-            out_quality[k] = quality[j]
+            out_value[k] = value[j]
             k += 1
         cursor[i] = k
 
@@ -105,17 +104,23 @@ def write_store(
     if len(names) != frames:
         raise ValueError(f"names: expected one for each of the {frames} frames")
     store = SampleStore(texels, [], names=[], seen=[], quality=[])
+    numbers = count()
+
+    def keep(chunk: Chunk) -> Chunk:
+        return chunk if folder is None else chunk.save(folder, next(numbers))
+
     with ThreadPoolExecutor(thread_count()) as pool:
 
         def project(first: int, stop: int) -> Iterator[Found]:
             return _project(
-                pool, sample, first, stop, texels, memory, lambda done: progress(done, frames)
-            )
+                pool, sample, first, stop, texels, memory, keep,
+                lambda done: progress(done, frames),
+            )  # fmt: skip
 
         for first, stop, taken in _parts(names, texels, earlier):
-            for chunk, seen, quality in [taken] if taken else project(first, stop):
-                if folder is not None:
-                    chunk = chunk.save(folder, len(store.chunks))
+            for chunk, seen, quality in (
+                [(keep(taken[0]), *taken[1:])] if taken else project(first, stop)
+            ):
                 own = names[store.frames : store.frames + chunk.frames]
                 store.append(chunk, own, seen, quality)
                 if folder is not None:
@@ -162,23 +167,37 @@ def _parts(
 
 def _project(
     pool: ThreadPoolExecutor, sample: Callable[[int], SampledFrame], first: int, stop: int,
-    texels: int, memory: int, done: Callable[[int], None],
+    texels: int, memory: int, keep: Callable[[Chunk], Chunk], done: Callable[[int], None],
 ) -> Iterator[Found]:  # fmt: skip
-    """Chunks of the frames first..stop."""
-    held: list[SampledFrame] = []
+    """Chunks of the frames first..stop, kept; the next one is filled meanwhile."""
+    room = texels + min(memory // HELD_BYTES, texels * min(stop - first, MOST_FRAMES))
+    held, spare = Held(room), Held(room)
+    written: Future[Found] | None = None
+
+    def finish(full: Held) -> Found:
+        return keep(full.transpose(texels, pool)), full.seen, full.quality
+
     ahead = 2 * thread_count()
     pending = deque(pool.submit(sample, f) for f in range(first, min(first + ahead, stop)))
-    for f in range(first, stop):
-        held.append(pending.popleft().result())
-        if f + ahead < stop:
-            pending.append(pool.submit(sample, f + ahead))
-        size = 8 * sum(len(texel) for texel, _, _ in held)
-        if size > memory or len(held) == MOST_FRAMES or f == stop - 1:
-            seen = np.array([len(texel) for texel, _, _ in held], np.int64)
-            quality = np.array([(q & 127).sum() / 127 for _, _, q in held]) / np.maximum(seen, 1)
-            yield transpose(held, texels, pool), seen, quality
-            held = []
-        done(f + 1)
+    with ThreadPoolExecutor(1) as writer:
+        try:
+            for f in range(first, stop):
+                held.append(pending.popleft().result())
+                if f + ahead < stop:
+                    pending.append(pool.submit(sample, f + ahead))
+                if held.bytes > memory or len(held) == MOST_FRAMES or f == stop - 1:
+                    if written:
+                        yield written.result()
+                    written = writer.submit(finish, held)
+                    held, spare = spare, held
+                    held.clear()
+                done(f + 1)
+        except (Exception, KeyboardInterrupt):
+            if written:
+                yield written.result()
+            raise
+        if written:
+            yield written.result()
 
 
 class SampleStore:
@@ -261,16 +280,16 @@ class SampleStore:
             offsets[1:] += np.diff(span.astype(np.int64))
         np.cumsum(offsets, out=offsets)
         frame = np.empty(offsets[-1], np.int32)
-        rgb, quality = np.empty((offsets[-1], 3), np.uint8), np.empty(offsets[-1], np.uint8)
+        value = np.empty(offsets[-1], np.uint32)
         cursor = offsets[:-1].copy()
         for (first_frame, chunk), span in zip(self.placed(), spans, strict=True):
             low, high = int(span[0]), int(span[-1])
-            frames, colors, weights = (chunk.read(name, low, high) for name in COLUMNS)
+            frames, values = (chunk.read(name, low, high) for name in COLUMNS)
+            ends = span.astype(np.int64) - low
             _gather(
-                span, low, frames, colors, weights, first_frame, cursor,
-                frame, rgb, quality,
-            )  # fmt: skip
-        return Block(first, stop, offsets, frame, rgb, quality)
+                ends[:-1], ends[1:], frames, words_of(values), first_frame, cursor, frame, value
+            )
+        return Block(first, stop, offsets, frame, bytes_of(value))
 
     def block_bounds(self, samples: int = 1 << 21) -> list[tuple[int, int]]:
         """Ranges of texels with about `samples` samples each; they depend on the store alone."""
@@ -316,15 +335,12 @@ class SampleStore:
             low[c], high[c] = offsets[texels], offsets[texels + 1]
         offsets = np.concatenate([[0], np.cumsum((high - low).sum(0))])
         frame = np.empty(offsets[-1], np.int32)
-        rgb, quality = np.empty((offsets[-1], 3), np.uint8), np.empty(offsets[-1], np.uint8)
+        value = np.empty(offsets[-1], np.uint32)
         cursor = offsets[:-1].copy()
         for c, (first_frame, chunk) in enumerate(self.placed()):
-            frames, colors, weights = (chunk.mapped(name) for name in COLUMNS)
-            _gather_texels(
-                low[c], high[c], frames, colors, weights, first_frame, cursor,
-                frame, rgb, quality,
-            )  # fmt: skip
-        return Block(0, len(texels), offsets, frame, rgb, quality)
+            frames, values = (chunk.mapped(name) for name in COLUMNS)
+            _gather(low[c], high[c], frames, words_of(values), first_frame, cursor, frame, value)
+        return Block(0, len(texels), offsets, frame, bytes_of(value))
 
     def map_texels(
         self,

@@ -8,6 +8,7 @@ import pytest
 from benchmarks.peers.statistics import QUANTILES, statistic
 from meshlab_svbrdf.geometry.camera import Camera
 from meshlab_svbrdf.geometry.texels import Texels
+from meshlab_svbrdf.samples.chunks import SampledFrame
 from meshlab_svbrdf.samples.luminance import decode
 from meshlab_svbrdf.samples.observations import observe
 from meshlab_svbrdf.samples.store import write_store
@@ -27,7 +28,8 @@ def film(tmp_path):
 
     def sample(frame: int):
         texel = np.flatnonzero(seen[frame]).astype(np.int32)
-        return texel, codes[frame, texel], np.full(len(texel), 100, np.uint8)
+        value = np.column_stack([codes[frame, texel], np.full(len(texel), 100, np.uint8)])
+        return SampledFrame(texel, value)
 
     store = write_store(tmp_path, TEXELS, FRAMES, sample)
     zeros, index = np.zeros((TEXELS, 3), np.float32), np.arange(TEXELS, dtype=np.int32)

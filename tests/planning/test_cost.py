@@ -15,6 +15,7 @@ from meshlab_svbrdf.planning.cost import (
     store_bytes,
 )  # fmt: skip
 from meshlab_svbrdf.presets import chain
+from meshlab_svbrdf.samples.chunks import SampledFrame
 from meshlab_svbrdf.samples.store import write_store
 
 WORK = Work(
@@ -65,7 +66,7 @@ def test_the_stores_size_is_what_is_written(tmp_path, frames, memory):
     seen = [np.sort(rng.choice(texels, 300, replace=False)).astype(np.int32) for _ in range(frames)]
     store = write_store(
         tmp_path, texels, frames,
-        lambda f: (seen[f], np.zeros((300, 3), np.uint8), np.zeros(300, np.uint8)), memory=memory,
+        lambda f: SampledFrame(seen[f], np.zeros((300, 4), np.uint8)), memory=memory,
     )  # fmt: skip
     written = sum(path.stat().st_size for path in tmp_path.glob("*.npy"))
     chunks = len(list(tmp_path.glob("*offsets*")))

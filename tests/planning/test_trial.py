@@ -5,6 +5,7 @@ import pytest
 
 from meshlab_svbrdf.geometry.mesh import Mesh
 from meshlab_svbrdf.planning.trial import seek_highlights, surface_texels
+from meshlab_svbrdf.samples.chunks import SampledFrame
 from meshlab_svbrdf.samples.luminance import encode
 
 TEXELS, FRAMES = 3000, 12
@@ -19,11 +20,11 @@ def frames(luminance: np.ndarray, *, seed=0, noise=1.0, clipped=None):
     found = []
     for k, values in enumerate(luminance):
         code = 255 * encode(values / 100) + rng.normal(0, noise, len(values))
-        rgb = np.repeat(np.clip(np.rint(code), 0, 255).astype(np.uint8)[:, None], 3, axis=1)
-        quality = np.full(len(values), 100, np.uint8)
+        value = np.repeat(np.clip(np.rint(code), 0, 255).astype(np.uint8)[:, None], 4, axis=1)
+        value[:, 3] = 100
         if clipped is not None:
-            quality[clipped[k]] |= 128
-        found.append((np.arange(len(values), dtype=np.int32), rgb, quality))
+            value[clipped[k], 3] |= 128
+        found.append(SampledFrame(np.arange(len(values), dtype=np.int32), value))
     return found
 
 

@@ -38,10 +38,14 @@ def field(x, y):
     return np.stack([0.02 + 0.002 * x + 0.001 * y, 0.5 - 0.001 * x, 0.9 - 0.003 * y], -1)
 
 
+def columns(sampled):
+    return sampled.texel, sampled.rgb, sampled.quality
+
+
 def test_samples_are_the_images_colour_there(wall):
     mesh, texels = wall
     image = to_srgb8(linear_image())
-    texel, rgb, _ = FrameSampler(mesh, texels, 3.0).sample(CAMERA, image)
+    texel, rgb, _ = columns(FrameSampler(mesh, texels, 3.0).sample(CAMERA, image))
     x, y, _ = pixels(texels)
     expected = 255 * encode(field(x, y))[texel]
     assert len(texel) > 1000
@@ -53,7 +57,7 @@ def test_interpolation_is_in_linear_light(wall):
     mesh, texels = wall
     image = np.zeros_like(WHITE)
     image[:, ::2] = 253
-    texel, rgb, _ = FrameSampler(mesh, texels, 3.0).sample(CAMERA, image)
+    texel, rgb, _ = columns(FrameSampler(mesh, texels, 3.0).sample(CAMERA, image))
     x = pixels(texels)[0][texel]
     share = 1 - np.abs((x % 2) - 1)
     weight = 1 - share
@@ -64,7 +68,7 @@ def test_interpolation_is_in_linear_light(wall):
 def test_texels_are_those_inside_the_image_in_ascending_order(wall):
     mesh, texels = wall
     quality = Quality(cut=0.0)
-    texel, rgb, weight = FrameSampler(mesh, texels, 3.0, quality).sample(CAMERA, WHITE)
+    texel, rgb, weight = columns(FrameSampler(mesh, texels, 3.0, quality).sample(CAMERA, WHITE))
     x, y, _ = pixels(texels)
     expected = np.flatnonzero((x >= 0) & (x < 199) & (y >= 0) & (y < 159))
     np.testing.assert_array_equal(texel, expected)
@@ -84,7 +88,7 @@ def formula(texels, camera, reference, scale):
 def test_quality_on_a_wall_is_the_formula(wall, reference):
     mesh, texels = wall
     sampler = FrameSampler(mesh, texels, reference)
-    texel, _, weight = sampler.sample(CAMERA, WHITE)
+    texel, _, weight = columns(sampler.sample(CAMERA, WHITE))
     expected = formula(texels, CAMERA, reference, 200 / 640)
     assert np.abs(weight / 127 - expected[texel]).max() < 0.5 / 127 + 1e-3
     assert expected[texel].min() > 0.1 - 1e-3
@@ -113,7 +117,7 @@ def test_a_screen_hides_its_shadow_and_nothing_else():
         None, np.vstack([wall.uv, screen.uv + 5]),
     )  # fmt: skip
     texels = rasterise_texels(mesh, ((200, 200),))
-    texel, _, _ = FrameSampler(mesh, texels, 3.0).sample(CAMERA, WHITE)
+    texel, _, _ = columns(FrameSampler(mesh, texels, 3.0).sample(CAMERA, WHITE))
     eye, position = CAMERA.center, texels.position + texels.center
     cut = eye + (position - eye) * ((eye[2] - 1.2) / (eye[2] - position[:, 2]))[:, None]
     # Count how far the ray passes the screen's border, in pixels; inside it is negative
@@ -133,7 +137,7 @@ def test_nothing_on_a_convex_object_is_occluded():
     mesh = sphere(48)
     texels = rasterise_texels(mesh, ((64, 128),))
     camera = look_at([0.4, 1, 3])
-    texel, _, _ = FrameSampler(mesh, texels, 4.0).sample(camera, WHITE[:120, :160])
+    texel, _, _ = columns(FrameSampler(mesh, texels, 4.0).sample(camera, WHITE[:120, :160]))
     cos = np.sum(view_vectors(texels, [camera])[:, 0] * texels.normal, -1)
     facing = np.flatnonzero(cos > 0.45)  # nearer to the rim quality falls by the border
     assert np.isin(facing, texel).all()
@@ -145,8 +149,10 @@ def test_mask_removes_what_it_covers_and_weighs_its_edge(wall):
     mask = np.zeros(WHITE.shape[:2], bool)
     mask[:, 80:] = True
     sampler = FrameSampler(mesh, texels, 10.0)
-    plain = dict(zip(*(a.tolist() for a in sampler.sample(CAMERA, WHITE)[::2]), strict=True))
-    texel, _, weight = sampler.sample(CAMERA, WHITE, mask)
+    plain = dict(
+        zip(*(a.tolist() for a in columns(sampler.sample(CAMERA, WHITE))[::2]), strict=True)
+    )
+    texel, _, weight = columns(sampler.sample(CAMERA, WHITE, mask))
     x = pixels(texels)[0][texel]
     assert x.min() >= 79.5
     before = np.array([plain[t] for t in texel.tolist()])
@@ -173,7 +179,7 @@ def test_clipped_is_any_tap_of_any_channel(wall):
     image = rng.integers(0, 254, WHITE.shape, np.uint8)
     hot = rng.random(WHITE.shape) < 0.03
     image[hot] = rng.choice(np.array([254, 255], np.uint8), hot.sum())
-    texel, _, weight = FrameSampler(mesh, texels, 3.0).sample(CAMERA, image)
+    texel, _, weight = columns(FrameSampler(mesh, texels, 3.0).sample(CAMERA, image))
     x, y, _ = pixels(texels)
     c, r = x[texel].astype(int), y[texel].astype(int)
     taps = np.max([image[r + i, c + j].max(-1) for i in (0, 1) for j in (0, 1)], 0)
@@ -189,7 +195,7 @@ def test_white_and_black_stay(wall):
     mesh, texels = wall
     sampler = FrameSampler(mesh, texels, 3.0)
     for value in (0, 1, 128, 253, 255):
-        _, rgb, weight = sampler.sample(CAMERA, np.full_like(WHITE, value))
+        _, rgb, weight = columns(sampler.sample(CAMERA, np.full_like(WHITE, value)))
         np.testing.assert_array_equal(rgb, value)
         assert ((weight >= 128) == (value >= 254)).all()
 
@@ -200,7 +206,7 @@ def test_depth_jump_lowers_quality_around_it_in_proportion_to_the_image():
     texels = rasterise_texels(mesh, ((96, 192),))
     camera = look_at([0, 0, 4], width=320, height=240, fx=350.0)
     sampler = FrameSampler(mesh, texels, 10.0, Quality(cut=0.01))
-    texel, _, weight = sampler.sample(camera, np.full((240, 320, 3), 90, np.uint8))
+    texel, _, weight = columns(sampler.sample(camera, np.full((240, 320, 3), 90, np.uint8)))
     x, y, _ = pixels(texels, camera)
     rim = 350 / np.sqrt(15) - np.hypot(x - camera.cx, y - camera.cy)
     cos = np.sum(view_vectors(texels, [camera])[:, 0] * texels.normal, -1)
@@ -228,10 +234,9 @@ def test_map_coordinates_cost_nothing(wall):
     origin = np.array([4.5e5, 5.4e6, 120.0])
     moved = replace(mesh, vertices=mesh.vertices + origin)
     image = to_srgb8(linear_image())
-    a = FrameSampler(mesh, texels, 3.0).sample(CAMERA, image)
-    b = FrameSampler(moved, rasterise_texels(moved, texels.sizes), 3.0).sample(
-        CAMERA.about(-origin), image
-    )
+    a = columns(FrameSampler(mesh, texels, 3.0).sample(CAMERA, image))
+    there = FrameSampler(moved, rasterise_texels(moved, texels.sizes), 3.0)
+    b = columns(there.sample(CAMERA.about(-origin), image))
     both, i, j = np.intersect1d(a[0], b[0], return_indices=True)
     assert len(both) > 0.999 * len(a[0])
     assert np.abs(a[1][i].astype(int) - b[1][j]).max() <= 1
@@ -273,7 +278,7 @@ def test_a_reduced_frame_shows_the_same(wall, times):
     image = reduced(to_srgb8(linear_image(camera)), times)
     small = camera.reduced(times)
     assert image.shape[:2] == (small.height, small.width)
-    texel, rgb, _ = FrameSampler(mesh, texels, 3.0).sample(small, image)
+    texel, rgb, _ = columns(FrameSampler(mesh, texels, 3.0).sample(small, image))
     x, y, _ = pixels(texels, camera)
     inside = (x < 201 - times) & (y < 163 - times)
     expected = 255 * encode(field(x, y))

@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import meshlab_svbrdf.samples.store as module
+from meshlab_svbrdf.samples.chunks import SampledFrame
 from meshlab_svbrdf.samples.store import SampleStore, write_store
 
 
@@ -14,26 +15,23 @@ def random_frames(texels, frames, share, seed=0):
     out = []
     for _ in range(frames):
         texel = np.flatnonzero(rng.random(texels) < share).astype(np.int32)
-        n = len(texel)
-        out.append(
-            (texel, rng.integers(0, 256, (n, 3), np.uint8), rng.integers(0, 256, n, np.uint8))
-        )
+        out.append(SampledFrame(texel, rng.integers(0, 256, (len(texel), 4), np.uint8)))
     return out
 
 
 def brute_force(frames, texel):
-    """The (frame, rgb, quality) of one texel, in the frames' order."""
+    """The (frame, *value) of one texel, in the frames' order."""
     rows = []
-    for f, (texels, rgb, quality) in enumerate(frames):
+    for f, (texels, value) in enumerate(frames):
         for i in np.flatnonzero(texels == texel):
-            rows.append((f, *rgb[i].tolist(), int(quality[i])))
+            rows.append((f, *value[i].tolist()))
     return rows
 
 
 def rows_of(block, texel):
     i = texel - block.first
     s = slice(block.offsets[i], block.offsets[i + 1])
-    columns = np.column_stack([block.frame[s], block.rgb[s], block.quality[s]])
+    columns = np.column_stack([block.frame[s], block.value[s]])
     return [tuple(row) for row in columns.tolist()]
 
 
@@ -119,7 +117,7 @@ def test_blocks_cover_all_texels_once(tmp_path, samples):
     whole = store.read(0, 50)
     parts = list(store.blocks(samples))
     np.testing.assert_array_equal(np.concatenate([b.frame for b in parts]), whole.frame)
-    np.testing.assert_array_equal(np.concatenate([b.rgb for b in parts]), whole.rgb)
+    np.testing.assert_array_equal(np.concatenate([b.value for b in parts]), whole.value)
     most = store.counts().max()
     assert max(b.offsets[-1] for b in parts) <= samples + most
 
@@ -139,7 +137,7 @@ def test_store_without_samples(tmp_path, texels, frames):
     np.testing.assert_array_equal(store.counts(), np.zeros(texels))
     block = store.read(0, texels)
     np.testing.assert_array_equal(block.offsets, np.zeros(texels + 1))
-    assert len(block.frame) == len(block.quality) == len(block.rgb) == 0
+    assert len(block.frame) == len(block.value) == 0
     assert store.map(lambda b: b.stop - b.first) == ([texels] if texels else [])
 
 
