@@ -1,0 +1,322 @@
+"""An editing session: materials, every state since it began, and saving. No web in here.
+
+Every change is checked against `revision`: who edits what another page has changed since is told,
+and nothing is lost.
+"""
+
+from __future__ import annotations
+
+import zlib
+from dataclasses import dataclass
+from pathlib import Path
+from threading import RLock, Thread
+from typing import Any
+
+import numpy as np
+
+from ..document.document import Document
+from ..errors import SvbrdfError
+from ..filters._materials import edit_steps, names_text, start_step
+from ..reflectance.labels import palette
+from ..reflectance.material_edits import Edit, Merge, Split, perform, rounded, to_text
+from ..reflectance.materials import segment, segment_surface
+from ..script import Step, write_script
+from .scene import MATERIALS, Scene
+
+PREVIEWED = 40_000
+"""Texels that a preview of a threshold grows regions on; the others follow the nearest."""
+LONGEST_NAME = 60
+
+
+class ConflictError(SvbrdfError):
+    """Somebody else changed what was to be edited."""
+
+
+@dataclass(frozen=True)
+class State:
+    """The materials at one moment.
+
+    words : what led here; packed : the labels, compressed; names : by id
+    start : the threshold with which they were found anew in this session, or None: as they were
+    edits : since that start
+    """
+
+    words: str
+    packed: bytes
+    names: dict[int, str]
+    start: float | None
+    edits: tuple[Edit, ...]
+
+
+class Session:
+    """Materials under edit. Methods may be called from several threads.
+
+    labels : (T,) int32, of the current state
+    revision : rises with every change, undo and redo
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene = scene
+        self.lock = RLock()
+        self.revision = 0
+        self.labels = scene.labels
+        first = State("opened", _pack(scene.labels), dict(scene.names), None, tuple(scene.edits))
+        self._states, self._at, self._saved = [first], 0, first
+        Thread(target=scene.graph.prepare, daemon=True).start()
+
+    # State
+
+    @property
+    def state(self) -> State:
+        return self._states[self._at]
+
+    @property
+    def dirty(self) -> bool:
+        """Whether something is not saved."""
+        return self.state is not self._saved
+
+    def describe(self) -> dict[str, Any]:
+        """Revision, clusters and history, as JSON."""
+        with self.lock:
+            return {
+                "revision": self.revision,
+                "dirty": self.dirty,
+                "undo": self.state.words if self._at else "",
+                "redo": self._states[self._at + 1].words
+                if self._at + 1 < len(self._states)
+                else "",
+                "clusters": self.clusters(),
+                "history": [state.words for state in self._states[: self._at + 1]],
+            }
+
+    def clusters(self) -> list[dict[str, Any]]:
+        """The clusters by id: name, colour as shown, texels, share, and their gloss if estimated.
+
+        The gloss is that of the materials when the project was opened: None after an edit of them.
+        """
+        known = self.labels[self.labels >= 0]
+        count = np.bincount(known) if len(known) else np.zeros(0, int)
+        ids = np.flatnonzero(count)
+        told = []
+        for color, identity in zip(palette(len(ids)).tolist(), ids.tolist(), strict=True):
+            gloss = self.scene.glosses.get(identity)
+            unchanged = gloss is not None and gloss["texels"] == count[identity]
+            told.append(
+                {
+                    "id": identity, "name": self.state.names.get(identity, ""), "color": color,
+                    "texels": int(count[identity]), "share": count[identity] / len(self.labels),
+                    "gloss": gloss if unchanged else None,
+                }
+            )  # fmt: skip
+        return told
+
+    # Edits
+
+    def merge(self, ids: list[int], revision: int | None = None) -> None:
+        """Make one cluster of several."""
+        self._edit(Merge(tuple(sorted(set(ids)))), revision)
+
+    def split(self, stroke: np.ndarray, cluster: int = -1, revision: int | None = None) -> None:
+        """Cut a cluster along points (S, 3) of the world; -1: the one under the middle point."""
+        with self.lock:
+            self._check(revision)
+            stroke = np.asarray(stroke, float).reshape(-1, 3)
+            if len(stroke) < 2:
+                raise SvbrdfError("the stroke misses the object: draw it over the object")
+            if cluster < 0:
+                middle = stroke[len(stroke) // 2] - self.scene.texels.center
+                cluster = int(self.labels[self.scene.graph.tree.query(middle)[1]])
+                if cluster < 0:
+                    raise SvbrdfError(
+                        "the stroke's middle lies where the object is unobserved: draw it over a "
+                        "cluster, or pick the cluster first"
+                    )
+            self._edit(Split(cluster, rounded(stroke)), revision)
+
+    def rename(self, identity: int, name: str, revision: int | None = None) -> None:
+        """Name a cluster; an empty name takes it away."""
+        with self.lock:
+            self._check(revision)
+            name = " ".join(name.split())
+            if not (self.labels == identity).any():
+                raise SvbrdfError(f"there is no material {identity} to name")
+            if len(name) > LONGEST_NAME or set(name) & set(";|"):
+                raise SvbrdfError(f"a name has at most {LONGEST_NAME} characters, and no ; or |")
+            names = {k: v for k, v in self.state.names.items() if k != identity}
+            if name:
+                names[identity] = name
+            if names == self.state.names:
+                return
+            now = self.state
+            words = f"named {identity} {name}" if name else f"took the name of {identity} away"
+            self._push(State(words, now.packed, names, now.start, now.edits))
+
+    def find(self, threshold: float, revision: int | None = None) -> None:
+        """Find the clusters anew, as compute_svbrdf_materials with this threshold."""
+        with self.lock:
+            self._check(revision)
+            options = {**self._options(), "threshold": threshold}
+            texels = self.scene.texels
+            labels = segment_surface(texels.position, texels.normal, self._diffuse(), **options)
+            self._push(
+                State(f"found with threshold {threshold:g}", _pack(labels), {}, threshold, ())
+            )
+
+    def preview(self, threshold: float) -> np.ndarray:
+        """About what `find` would give, at once; nothing changes."""
+        texels, (kept, adjacency, nearest) = self.scene.texels, self._preview_graph()
+        options = {**self._options(), "threshold": threshold}
+        diffuse = self._diffuse()
+        labels = segment(diffuse[kept], adjacency, **options)[nearest]
+        return np.where(np.isfinite(diffuse[: len(texels), 0]), labels, -1).astype(np.int32)
+
+    def undo(self, revision: int | None = None) -> None:
+        self._step(-1, "there is nothing to undo", revision)
+
+    def redo(self, revision: int | None = None) -> None:
+        self._step(1, "there is nothing to redo", revision)
+
+    # Saving
+
+    def save(self) -> str:
+        """Put the materials into the project, where the next filter takes them; what was done.
+
+        Raises ConflictError where the project's materials are not those that were opened or saved
+        last: another run or page changed them. Nothing is written then, and nothing lost.
+        """
+        with self.lock:
+            if not self.dirty:
+                return "nothing to save"
+            document, state, before = (
+                Document.open(self.scene.document.path),
+                self.state,
+                self._saved,
+            )
+            with document.results.locked():
+                key = document.key("materials") if document.has("materials") else ""
+                if key != self.scene.key:
+                    raise ConflictError(
+                        "another page or run changed the project's materials since this one read "
+                        "them: nothing was saved. Keep these edits as a script (.mlx), open the "
+                        "project again, and apply it there"
+                    )
+                if state.start is not None and state.start != before.start:
+                    document.apply(MATERIALS, True, **{**self._options(), "threshold": state.start})
+                if state.edits != before.edits or state.start != before.start:
+                    anew = state.start is None or state.start == before.start
+                    document.apply(
+                        "apply_svbrdf_material_edits", edits=to_text(state.edits), anew=anew
+                    )
+                if state.names or before.names:
+                    document.apply("set_svbrdf_material_names", names=names_text(state.names))
+                self.scene.key = document.key("materials")
+                document.save()
+            self._saved = state
+            return f"saved to {document.path.name}"
+
+    def steps(self) -> list[Step]:
+        """The filters that make these materials from the diffuse colour."""
+        with self.lock:
+            state = self.state
+            first = start_step(self.scene.document)
+            if state.start is not None:
+                options = {**self._options(), "threshold": state.start}
+                first = [Step(MATERIALS, {k: _word(v) for k, v in options.items()})]
+            steps = [*first, *edit_steps(state.edits)]
+            if state.names:
+                steps.append(Step("set_svbrdf_material_names", {"names": names_text(state.names)}))
+            return steps
+
+    def write_script(self, path: Path) -> None:
+        """`steps` as a filter script (.mlx)."""
+        write_script(path, self.steps())
+
+    # How
+
+    def _edit(self, edit: Edit, revision: int | None) -> None:
+        with self.lock:
+            self._check(revision)
+            labels = perform(self.labels, edit, self.scene.canvas)
+            now, words = self.state, _words(edit, self.labels, labels)
+            there = set(np.unique(labels).tolist())
+            names = {k: v for k, v in now.names.items() if k in there}
+            self._push(State(words, _pack(labels), names, now.start, (*now.edits, edit)))
+
+    def _push(self, state: State) -> None:
+        self._states = [*self._states[: self._at + 1], state]
+        self._go(self._at + 1)
+
+    def _go(self, at: int) -> None:
+        self._at = at
+        self.labels = _unpack(self.state.packed)
+        self.revision += 1
+
+    def _step(self, by: int, nothing: str, revision: int | None) -> None:
+        with self.lock:
+            self._check(revision)
+            if not 0 <= self._at + by < len(self._states):
+                raise SvbrdfError(nothing)
+            self._go(self._at + by)
+
+    def _check(self, revision: int | None) -> None:
+        if revision is not None and revision != self.revision:
+            raise ConflictError(
+                "another page changed the clusters meanwhile; this page shows them now and nothing "
+                "was lost: do your edit again if it is still wanted"
+            )
+
+    def _diffuse(self) -> np.ndarray:
+        diffuse = self.scene.attribute("diffuse")
+        if diffuse is None:
+            raise SvbrdfError(
+                "clusters are found by the diffuse colour, which the project does not have yet: "
+                "run compute_svbrdf_diffuse_color first"
+            )
+        return diffuse
+
+    def _options(self) -> dict[str, Any]:
+        """The parameters with which the project's materials were found, but for an image."""
+        runs = self.scene.document.results.record["runs"]
+        given = runs.get(MATERIALS, {}).get("parameters", {})
+        names = ("threshold", "lightness_weight", "minimum_share", "join")
+        return {name: given[name] for name in names if given.get(name) is not None}
+
+    def _preview_graph(self) -> Any:
+        with self.lock:
+            if not hasattr(self, "_coarse"):
+                self._coarse = coarse(self.scene, self._diffuse())
+            return self._coarse
+
+
+def coarse(scene: Scene, diffuse: np.ndarray) -> Any:
+    """An even subset of the observed texels, its graph, and of each texel the nearest in it."""
+    from scipy.spatial import cKDTree
+
+    from ..geometry.adjacency import neighbours, thin
+
+    position, normal = scene.texels.position, scene.texels.normal
+    observed = np.flatnonzero(np.isfinite(diffuse).all(1))
+    if not len(observed):
+        raise SvbrdfError("no texel has a diffuse colour: there is nothing to find clusters in")
+    kept = observed[thin(position[observed], normal[observed], PREVIEWED)]
+    nearest = cKDTree(position[kept]).query(position, workers=-1)[1]
+    return kept, neighbours(position[kept], normal[kept]), nearest
+
+
+def _pack(labels: np.ndarray) -> bytes:
+    return zlib.compress(np.ascontiguousarray(labels, np.int32).tobytes(), 1)
+
+
+def _unpack(packed: bytes) -> np.ndarray:
+    return np.frombuffer(zlib.decompress(packed), np.int32)
+
+
+def _word(value: Any) -> str:
+    return str(value).lower() if isinstance(value, bool) else f"{value}"
+
+
+def _words(edit: Edit, before: np.ndarray, after: np.ndarray) -> str:
+    if isinstance(edit, Merge):
+        return "merged " + ", ".join(map(str, edit.ids))
+    new = np.setdiff1d(after, before).tolist()
+    return f"split {edit.cluster} into {', '.join(map(str, [edit.cluster, *new]))}"
