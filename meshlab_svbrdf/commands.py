@@ -161,6 +161,14 @@ def render(project: Path, cameras: Path, output: Path, as_json: bool) -> None:
             say(document.apply(RENDERING, False, show("render"), **parameters))
 
 
+def view(project: Path, port: int, browser: bool) -> None:
+    """Serve PROJECT's materials as a page, until it is interrupted."""
+    from .viewing.command import serve
+
+    with _friendly():
+        serve(project, port, browser, typer.echo)
+
+
 def _open(project: Path, output: Path | None, layer: str) -> Document:
     document = Document.open(project, output)
     if layer != document.settings.get("object", ""):

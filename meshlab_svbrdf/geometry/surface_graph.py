@@ -1,4 +1,4 @@
-"""The texels' graph, kept to be asked again and again: nearest texel, distances, connected parts."""
+"""The texels' graph, kept to be asked again and again: nearest texel, lengths, connected parts."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ from ..errors import SvbrdfError
 from ..filters._materials import edit_steps, names_text, start_step
 from ..reflectance.labels import palette
 from ..reflectance.material_edits import Edit, Merge, Split, perform, rounded, to_text
-from ..reflectance.materials import segment, segment_surface
+from ..reflectance.materials import THRESHOLD, segment, segment_surface
 from ..script import Step, write_script
 from .scene import MATERIALS, Scene
 
@@ -74,6 +74,12 @@ class Session:
     def dirty(self) -> bool:
         """Whether something is not saved."""
         return self.state is not self._saved
+
+    @property
+    def threshold(self) -> float:
+        """With which the clusters were found."""
+        given = self.state.start
+        return float(self._options().get("threshold", THRESHOLD) if given is None else given)
 
     def describe(self) -> dict[str, Any]:
         """Revision, clusters and history, as JSON."""

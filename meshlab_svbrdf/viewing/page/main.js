@@ -1,0 +1,391 @@
+// The page: what was asked for, what is shown, and who does what.
+import { array, get, post, text } from "./api.js";
+import { Camera } from "./camera.js";
+import { Painted } from "./object.js";
+import { drawDensity, drawHistory, number } from "./plots.js";
+import { Pointer } from "./pointer.js";
+
+const $ = (id) => document.getElementById(id);
+const view = $("view"), overlay = $("overlay");
+const camera = new Camera(), selected = new Set();
+let object, scene, state, point = null, previewing = false, tool = "pick", stroke = [];
+let told = { history: 0, preview: 0, map: 0 }; // the newest question of each kind: late answers are dropped
+
+// Messages
+
+let fading;
+function say(words, bad = false) {
+  const box = $("message");
+  box.textContent = words;
+  box.classList.toggle("bad", bad);
+  box.hidden = !words;
+  clearTimeout(fading);
+  if (words) fading = setTimeout(() => { box.hidden = true; }, bad ? 12000 : 5000);
+}
+
+async function tryTo(work) {
+  try {
+    return await work();
+  } catch (error) {
+    say(error.message, true);
+    if (error.status === 409) await refresh(await get("state"));
+    return undefined;
+  }
+}
+
+// Drawing
+
+let due = false;
+function redraw() {
+  if (due) return;
+  due = true;
+  requestAnimationFrame(() => {
+    due = false;
+    const [w, h] = [view.clientWidth, view.clientHeight], scale = Math.min(devicePixelRatio, 2);
+    for (const canvas of [view, overlay])
+      if (canvas.width !== Math.round(w * scale) || canvas.height !== Math.round(h * scale))
+        Object.assign(canvas, { width: Math.round(w * scale), height: Math.round(h * scale) });
+    camera.size = [w, h];
+    object?.draw(camera, $("map").value === "materials" || previewing, $("shading").checked);
+    drawOverlay(scale);
+  });
+}
+
+function drawOverlay(scale) {
+  const paper = overlay.getContext("2d");
+  paper.setTransform(scale, 0, 0, scale, 0, 0);
+  paper.clearRect(0, 0, overlay.width, overlay.height);
+  if (stroke.length) {
+    for (const [color, width] of [["#000a", 5], ["#fff", 2.5]]) {
+      Object.assign(paper, { strokeStyle: color, lineWidth: width, lineJoin: "round", lineCap: "round" });
+      paper.beginPath();
+      stroke.map((s) => camera.project(s.at)).forEach((p, i) => {
+        if (p) paper[i ? "lineTo" : "moveTo"](...p);
+      });
+      paper.stroke();
+    }
+  }
+  const at = point && camera.project(local(point.point));
+  if (at) {
+    for (const [color, width] of [["#000a", 4], ["#fff", 2]]) {
+      Object.assign(paper, { strokeStyle: color, lineWidth: width });
+      paper.beginPath();
+      paper.arc(...at, 6, 0, 2 * Math.PI);
+      paper.stroke();
+    }
+  }
+}
+
+// World and radii about the centre
+const local = (p) => p.map((x, i) => (x - scene.center[i]) / scene.radius);
+const world = ([eye, direction]) => [...eye.map((x, i) => x * scene.radius + scene.center[i]), ...direction];
+
+// State
+
+async function refresh(next, labels = true) {
+  const changed = !state || next.revision !== state.revision;
+  state = next;
+  for (const id of selected) if (!next.clusters.some((c) => c.id === id)) selected.delete(id);
+  if (changed && labels && !previewing) object.label((await array("labels", Uint16Array))[0]);
+  showClusters();
+  if (changed && point) await showPoint(point.texel);
+}
+
+function showClusters() {
+  object.color(previewing ? palette() : state.clusters, previewing ? new Set() : selected);
+  const editing = document.activeElement?.closest?.("#clusters input");
+  if (!editing) $("clusters").replaceChildren(...state.clusters.map(clusterRow));
+  $("count").textContent = state.clusters.length ? `${state.clusters.length} clusters` : "none yet";
+  $("merge").disabled = selected.size < 2;
+  $("clear").disabled = !selected.size;
+  $("undo").disabled = !state.undo;
+  $("redo").disabled = !state.redo;
+  $("undo").title = state.undo ? `Undo: ${state.undo} (Ctrl+Z)` : "Nothing to undo";
+  $("redo").title = state.redo ? `Redo: ${state.redo} (Ctrl+Shift+Z)` : "Nothing to redo";
+  $("save").disabled = !state.dirty;
+  $("save").textContent = state.dirty ? "Save" : "Saved";
+  document.title = `${state.dirty ? "• " : ""}${scene.project} – materials`;
+  redraw();
+}
+
+// Far-apart colours for a preview, whose clusters are not those of the list
+const palette = () => Array.from({ length: 256 }, (_, id) => {
+  const hue = (id * 137.508) % 360, channel = (k) => {
+    const m = (k + hue / 30) % 12;
+    return Math.round(255 * (0.55 - 0.38 * Math.max(-1, Math.min(m - 3, 9 - m, 1))));
+  };
+  return { id, color: [channel(0), channel(8), channel(4)] };
+});
+
+function clusterRow(cluster) {
+  const row = document.createElement("li"), gloss = cluster.gloss;
+  row.classList.toggle("selected", selected.has(cluster.id));
+  row.dataset.id = cluster.id;
+  const cell = (name, words = "") => {
+    const span = document.createElement("span");
+    span.className = name;
+    span.textContent = words;
+    return span;
+  };
+  const swatch = cell("swatch"), name = document.createElement("input");
+  swatch.style.background = `rgb(${cluster.color})`;
+  Object.assign(name, { type: "text", value: cluster.name, placeholder: "unnamed", maxLength: 60, title: "Its name" });
+  name.setAttribute("aria-label", `Name of material ${cluster.id}`);
+  name.addEventListener("change", () => edit("rename", { id: cluster.id, name: name.value }));
+  name.addEventListener("keydown", (event) => { if (event.key === "Enter") name.blur(); });
+  name.addEventListener("click", (event) => event.stopPropagation());
+  const shown = !gloss ? `${(100 * cluster.share).toFixed(1)} %` : gloss.observed ? `ρs ${number(gloss.rho_s)}  α ${number(gloss.alpha)}` : "no gloss told";
+  const right = cell("gloss", shown);
+  right.title = `${cluster.texels.toLocaleString()} texels, ${(100 * cluster.share).toFixed(1)} %${gloss && !gloss.observed ? `: ${gloss.reason}` : ""}`;
+  row.append(swatch, cell("id", cluster.id), name, right);
+  row.addEventListener("click", (event) => select(cluster.id, event.ctrlKey || event.shiftKey || event.metaKey));
+  return row;
+}
+
+function select(id, more) {
+  if (!more) {
+    const again = selected.size === 1 && selected.has(id);
+    selected.clear();
+    if (!again && id >= 0) selected.add(id);
+  } else if (id >= 0) {
+    if (!selected.delete(id)) selected.add(id);
+  }
+  showClusters();
+}
+
+async function edit(name, given = {}) {
+  return tryTo(async () => {
+    const next = await post(name, { revision: state.revision, ...given });
+    await refresh(next);
+    say(next.said ?? (name === "undo" ? `Undone. Redo brings back: ${next.redo}.` : `${next.history.at(-1)}.`));
+    return next;
+  });
+}
+
+// A point
+
+async function pickAt(x, y, more) {
+  const found = await tryTo(() => post("pick", { rays: world(camera.ray(x, y)) }));
+  if (!found) return;
+  select(found.cluster, more);
+  if (!more && found.cluster >= 0 && !selected.has(found.cluster)) select(found.cluster, false);
+  await showPoint(found.texel, found);
+}
+
+async function showPoint(texel, found) {
+  const asked = ++told.history;
+  if (!found) found = { ...point, cluster: undefined };
+  point = found;
+  redraw();
+  const own = state.clusters.find((c) => c.id === found.cluster);
+  $("point-empty").hidden = true;
+  $("point-cluster").textContent = found.cluster === undefined ? "" : own ? `material ${own.id}${own.name ? `, ${own.name}` : ""}` : "of no material: unobserved";
+  showNumbers(found, own);
+  const [history, density] = [$("history"), $("density")];
+  const plot = async (box, ask, draw) => {
+    const paper = box.querySelector(".plot");
+    try {
+      const answer = await ask();
+      if (asked !== told.history) return;
+      draw(paper, answer);
+    } catch (error) {
+      if (asked === told.history) paper.textContent = error.message;
+    }
+    box.hidden = false;
+  };
+  await Promise.all([
+    plot(history, () => get(`history?texel=${texel}`), drawHistory),
+    own ? plot(density, () => get(`density?cluster=${own.id}`), drawDensity) : (density.hidden = true),
+  ]);
+}
+
+function showNumbers(found, own) {
+  const rows = [];
+  const row = (name, words, color) => {
+    const [term, value] = [document.createElement("dt"), document.createElement("dd")];
+    term.textContent = name;
+    if (color) {
+      const swatch = document.createElement("span");
+      swatch.className = "swatch";
+      swatch.style.background = `rgb(${color})`;
+      value.append(swatch);
+    }
+    value.append(words);
+    rows.push(term, value);
+  };
+  if (own) row("cluster", `${own.texels.toLocaleString()} texels, ${(100 * own.share).toFixed(1)} %`);
+  if (own?.gloss) row("material", own.gloss.observed ? `ρs ${number(own.gloss.rho_s)}, α ${number(own.gloss.alpha)}` : "unobserved");
+  if (own?.gloss?.explained_variance != null) row("variance explained", `${(100 * own.gloss.explained_variance).toFixed(1)} %`);
+  if (own?.gloss && !own.gloss.observed) {
+    const why = document.createElement("dd");
+    why.className = "wide";
+    why.textContent = own.gloss.reason;
+    rows.push(why);
+  }
+  if (found.diffuse) row("diffuse", found.diffuse.map((x) => number(x)).join("  "), found.diffuse_srgb);
+  if (found.threshold !== undefined) row("threshold, mean, least", [found.threshold, found.mean, found.minimum].map((x) => number(x)).join("  "));
+  if (found.alpha !== undefined) row("own peak", `ρs ${number(found.rho_s)}, α ${number(found.alpha)}`);
+  if (found.samples !== undefined) row("samples", `${found.samples} good of ${found.frames ?? "?"}`);
+  row("place", found.point.map((x) => number(x, 4)).join("  "));
+  $("numbers").replaceChildren(...rows);
+}
+
+// Maps
+
+async function showMap() {
+  const asked = ++told.map, name = $("map").value;
+  $("frame-box").hidden = name !== "frame";
+  $("legend").hidden = true;
+  if (name === "materials") return redraw();
+  const frame = Number($("frame").value);
+  $("frame-name").textContent = scene.frames[frame] ?? "";
+  const answer = await tryTo(() => array(`map?name=${name}&frame=${frame}`, Uint8Array));
+  if (!answer || asked !== told.map) return undefined;
+  object.paint(answer[0]);
+  const legend = JSON.parse(answer[1].get("X-Legend"));
+  $("legend").hidden = legend.low === undefined;
+  $("legend-low").textContent = number(legend.low);
+  $("legend-high").textContent = `${number(legend.high)}${legend.log ? " (log)" : ""}`;
+  return redraw();
+}
+
+// A threshold
+
+async function preview() {
+  const asked = ++told.preview, threshold = Number($("threshold").value);
+  $("threshold-value").textContent = threshold;
+  const answer = await tryTo(() => array(`preview?threshold=${threshold}`, Uint16Array));
+  if (!answer || asked !== told.preview) return;
+  previewing = true;
+  object.label(answer[0]);
+  const count = new Set(answer[0].filter((v) => v !== 65535)).size;
+  $("preview-note").textContent = `Preview: about ${count} clusters.`;
+  $("find").disabled = $("cancel").disabled = false;
+  showClusters();
+}
+
+async function endPreview() {
+  told.preview++;
+  if (!previewing) return;
+  previewing = false;
+  $("threshold").value = scene.threshold;
+  $("threshold-value").textContent = scene.threshold;
+  $("preview-note").textContent = "Move it to see a preview.";
+  $("find").disabled = $("cancel").disabled = true;
+  object.label((await array("labels", Uint16Array))[0]);
+  showClusters();
+}
+
+// Strokes
+
+function use(name) {
+  tool = name;
+  for (const other of ["pick", "stroke"]) $(`tool-${other}`).setAttribute("aria-pressed", `${other === name}`);
+  view.classList.toggle("stroke", name === "stroke");
+  $("hint").textContent = name === "pick"
+    ? "Drag to turn, right-drag to shift, wheel to zoom. Click to pick; Ctrl or Shift adds."
+    : "Draw across a material, beyond its border on both sides. Right-drag turns; Shift goes on with the stroke afterwards.";
+  stroke = [];
+  redraw();
+}
+
+async function endStroke(more) {
+  if (more || stroke.length < 2) return redraw();
+  await endPreview();
+  const rays = stroke.map((s) => s.ray), one = selected.size === 1 ? [...selected][0] : -1;
+  stroke = [];
+  const next = await edit("split", { rays, cluster: one });
+  if (next) use("pick");
+  return redraw();
+}
+
+new Pointer(view, {
+  turn(dx, dy) { camera.turn(-0.008 * dx, -0.008 * dy); redraw(); },
+  shift(dx, dy) { camera.shift(dx, dy); redraw(); },
+  zoom(factor) { camera.zoom(factor); redraw(); },
+  click(x, y, more) { if (!previewing) pickAt(x, y, more); else endPreview(); },
+  draws() { return tool === "stroke"; },
+  draw(x, y, first, more) {
+    if (first && !more) stroke = [];
+    const [eye, direction] = camera.ray(x, y), length = camera.distance;
+    stroke.push({ ray: world([eye, direction]), at: eye.map((e, i) => e + length * direction[i]) });
+    redraw();
+  },
+  drawn: endStroke,
+});
+
+// Buttons and keys
+
+$("tool-pick").onclick = () => use("pick");
+$("tool-stroke").onclick = () => use("stroke");
+$("undo").onclick = () => edit("undo");
+$("redo").onclick = () => edit("redo");
+$("save").onclick = () => edit("save");
+$("clear").onclick = () => { selected.clear(); showClusters(); };
+$("merge").onclick = async () => {
+  const ids = [...selected];
+  if (await edit("merge", { ids })) { selected.clear(); selected.add(Math.min(...ids)); showClusters(); }
+};
+$("find").onclick = async () => {
+  const threshold = Number($("threshold").value);
+  say("Finding the clusters…");
+  previewing = false;
+  if (await edit("find", { threshold })) scene.threshold = threshold;
+  previewing = true;
+  await endPreview();
+};
+$("cancel").onclick = endPreview;
+$("script").onclick = () => tryTo(async () => {
+  const link = document.createElement("a");
+  link.href = URL.createObjectURL(new Blob([await text("script")], { type: "application/xml" }));
+  link.download = `${scene.project}-materials.mlx`;
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 1000);
+});
+$("map").onchange = showMap;
+$("frame").oninput = showMap;
+$("shading").onchange = redraw;
+$("threshold").oninput = () => { clearTimeout($("threshold").wait); $("threshold").wait = setTimeout(preview, 60); };
+addEventListener("resize", redraw);
+addEventListener("keydown", (event) => {
+  const typing = event.target.closest?.("input[type=text], select");
+  const control = event.ctrlKey || event.metaKey, letter = event.key.toLowerCase();
+  const does = control && letter === "z" ? (event.shiftKey ? $("redo") : $("undo"))
+    : control && letter === "y" ? $("redo") : control && letter === "s" ? $("save")
+    : control || typing ? null : { m: $("merge"), p: $("tool-pick"), s: $("tool-stroke") }[letter];
+  if (does && !(typing && letter !== "s")) { event.preventDefault(); if (!does.disabled) does.click(); }
+  if (event.key === "Escape") { stroke = []; selected.clear(); endPreview(); showClusters(); }
+});
+
+// Begin, and follow what other pages do
+
+async function begin() {
+  history.replaceState(null, "", "/");
+  object = new Painted(view);
+  scene = await get("scene");
+  $("project").textContent = scene.project;
+  const [[geometry], ...pixels] = await Promise.all([
+    array("geometry", Uint8Array),
+    ...scene.textures.map(async (_, k) => (await array(`pixels?texture=${k}`, Int32Array))[0]),
+  ]);
+  object.load(scene.textures, geometry.buffer, pixels);
+  $("map").replaceChildren(...scene.maps.map(({ name, title }) => new Option(title, name)));
+  $("map").value = "materials";
+  $("frame").max = Math.max(0, scene.frames.length - 1);
+  $("find-box").hidden = !scene.finds;
+  $("threshold").value = scene.threshold;
+  $("threshold-value").textContent = scene.threshold;
+  use("pick");
+  await refresh(await get("state"));
+  if (!state.clusters.length) say(scene.finds ? "There are no materials yet: choose a threshold and find them." : "There are no materials yet, and no diffuse colour to find them by: run compute_svbrdf_diffuse_color, or the whole chain, first.", true);
+  document.body.dataset.ready = "yes";
+  setInterval(async () => {
+    if (document.hidden) return;
+    try {
+      const next = await get("state");
+      if (next.revision !== state.revision || next.dirty !== state.dirty) await refresh(next);
+    } catch { /* said when something is asked for */ }
+  }, 1500);
+}
+
+begin().catch((error) => say(error.message, true));
