@@ -20,14 +20,14 @@ DIGITS = 9
 """Of a stroke's coordinates: what is written is what was done."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Merge:
     """ids : the clusters that become one, which keeps the smallest"""
 
     ids: tuple[int, ...]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Split:
     """cluster : the one to cut; stroke : (S, 3) float64, points of the world"""
 
@@ -35,7 +35,7 @@ class Split:
     stroke: np.ndarray
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Carve:
     """faces : (n,) int64 ascending, whose texels become a cluster of their own
     cluster : only those of this one; -1: those of any"""

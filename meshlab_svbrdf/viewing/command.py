@@ -6,8 +6,10 @@ import contextlib
 import webbrowser
 from collections.abc import Callable
 from pathlib import Path
+from threading import Thread
 
 from ..errors import SvbrdfError
+from .picking import warm
 from .scene import Scene
 from .server import PageServer
 from .session import Session
@@ -21,6 +23,7 @@ def serve(
     ready : called with the server before it waits for requests
     """
     session = Session(Scene(project))
+    Thread(target=warm, args=(session,), daemon=True).start()
     try:
         page = PageServer(session, port)
     except OSError as error:

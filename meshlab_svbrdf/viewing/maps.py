@@ -54,6 +54,15 @@ def available(scene: Scene) -> list[dict[str, str]]:
 def paint(scene: Scene, name: str, frame: int = 0) -> Shown:
     """A map's colours; SvbrdfError where the project does not have it. `materials` has none: pages
     colour the labels themselves."""
+    if name == "frame":
+        return Shown(project_frame(scene, frame), {})
+    with scene.painting:
+        if name not in scene.painted:
+            scene.painted[name] = _paint(scene, name)
+        return scene.painted[name]
+
+
+def _paint(scene: Scene, name: str) -> Shown:
     if name == "diffuse":
         diffuse = scene.attribute("final_diffuse")
         diffuse = scene.attribute("diffuse") if diffuse is None else diffuse
@@ -62,8 +71,6 @@ def paint(scene: Scene, name: str, frame: int = 0) -> Shown:
         known = np.isfinite(diffuse).all(1)
         colors = to_srgb8((diffuse / 100).astype(np.float32))
         return Shown(np.where(known[:, None], colors, UNOBSERVED), {})
-    if name == "frame":
-        return Shown(project_frame(scene, frame), {})
     values = _scalar(scene, name) if name in MAPS else None
     if values is None:
         raise SvbrdfError(f"the project has no map {name!r}")

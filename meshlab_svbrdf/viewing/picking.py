@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from typing import Any
 
 import numpy as np
@@ -10,10 +11,22 @@ from ..errors import SvbrdfError
 from ..reflectance.density import highest_bell
 from ..reflectance.history import History, history, peaks_of
 from ..samples.luminance import luminance, to_srgb8
+from . import maps
 from .session import Session
 
 SHOWN_TEXELS = 3000
 """Of a cluster, whose peaks make the density of ρs where no filter has computed them."""
+
+
+def warm(session: Session) -> None:
+    """Compute now what the first answers would wait for, and compile what they run."""
+    with contextlib.suppress(SvbrdfError):  # it is said to whoever asks
+        session.scene.graph.prepare()
+        session.preview(session.threshold)
+        texel = int(np.argmax(session.labels >= 0))
+        plot_history(session, texel)
+        plot_density(session, int(session.labels[texel]))
+        maps.project_frame(session.scene, 0)
 
 
 def hits(session: Session, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:

@@ -107,6 +107,7 @@ GET: dict[str, Callable[[Session, Given], Answer]] = {
     "map": _map,
     "state": _state,
     "script": _script,
+    "point": lambda s, g: Answer.json(picking.tell(s, int(g["texel"]))),
     "history": lambda s, g: Answer.json(picking.plot_history(s, int(g["texel"]))),
     "density": lambda s, g: Answer.json(picking.plot_density(s, int(g["cluster"]))),
     "preview": lambda s, g: Answer(wire.labels(s.preview(float(g["threshold"])))),

@@ -16,7 +16,7 @@ import numpy as np
 from ..document.document import Document
 from ..errors import MissingStageError, SvbrdfError
 from ..filters._lights import read_lights
-from ..filters._materials import read_edits, read_labels, read_names
+from ..filters._materials import read_edits, read_labels, read_names, start_step
 from ..filters._stages import read_lights_found, read_observations
 from ..geometry.surface_graph import SurfaceGraph
 from ..geometry.visibility import Rays
@@ -24,6 +24,7 @@ from ..reflectance.lights import Light
 from ..reflectance.material_edits import Canvas, Edit
 from ..samples.luminance import luminance
 from ..samples.observations import Observations
+from ..script import Step
 
 MATERIALS = "compute_svbrdf_materials"
 
@@ -32,7 +33,9 @@ class Scene:
     """A project, as far as pages show it.
 
     document : as it was opened; `key` is that of its materials then, "" where it had none
-    labels : (T,) int32; names : of materials, by id; edits : what was done to them before
+    labels : (T,) int32; names : of materials, by id
+    start, edits : the filter that made them (no step where that is not known), and what was done
+        to them since
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -54,14 +57,17 @@ class Scene:
         self.graph = SurfaceGraph(self.texels.position, self.texels.normal)
         self.canvas = Canvas(self.graph, self.texels.center, self.texels.face)
         self._reading = Lock()
+        self.painting, self.painted = Lock(), dict[str, Any]()
         self.key = ""
         self.labels = np.full(len(self.texels), -1, np.int32)
         self.names: dict[int, str] = {}
+        self.start: tuple[Step, ...] = ()
         self.edits: list[Edit] = []
         if self.fresh("materials"):
             self.key = document.key("materials")
             self.labels, self.names = read_labels(document), read_names(document)
             self.edits = read_edits(document)
+            self.start = tuple(Step(x.name, x.parameters) for x in start_step(document))
 
     def fresh(self, product: str) -> bool:
         """Whether a product is there and up to date."""

@@ -9,23 +9,39 @@ from __future__ import annotations
 import zlib
 from dataclasses import dataclass
 from pathlib import Path
-from threading import RLock, Thread
+from threading import Lock, RLock
 from typing import Any
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from ..document.document import Document
 from ..errors import SvbrdfError
-from ..filters._materials import edit_steps, names_text, start_step
+from ..filters._materials import edit_steps, names_text
+from ..geometry.adjacency import neighbours, thin
 from ..reflectance.labels import palette
 from ..reflectance.material_edits import Edit, Merge, Split, perform, rounded, to_text
-from ..reflectance.materials import THRESHOLD, segment, segment_surface
+from ..reflectance.materials import (
+    LIGHTNESS_WEIGHT,
+    MINIMUM_SHARE,
+    THRESHOLD,
+    segment,
+    segment_surface,
+)
 from ..script import Step, write_script
 from .scene import MATERIALS, Scene
 
 PREVIEWED = 40_000
 """Texels that a preview of a threshold grows regions on; the others follow the nearest."""
 LONGEST_NAME = 60
+EDITS, NAMES = "apply_svbrdf_material_edits", "set_svbrdf_material_names"
+FOUND_BY = {
+    "threshold": THRESHOLD,
+    "lightness_weight": LIGHTNESS_WEIGHT,
+    "minimum_share": MINIMUM_SHARE,
+    "join": True,
+}
+"""Parameters of compute_svbrdf_materials that a new threshold keeps."""
 
 
 class ConflictError(SvbrdfError):
@@ -37,14 +53,14 @@ class State:
     """The materials at one moment.
 
     words : what led here; packed : the labels, compressed; names : by id
-    start : the threshold with which they were found anew in this session, or None: as they were
+    start : the filter that made them, a step of a script; none where that is not known
     edits : since that start
     """
 
     words: str
     packed: bytes
     names: dict[int, str]
-    start: float | None
+    start: tuple[Step, ...]
     edits: tuple[Edit, ...]
 
 
@@ -60,9 +76,11 @@ class Session:
         self.lock = RLock()
         self.revision = 0
         self.labels = scene.labels
-        first = State("opened", _pack(scene.labels), dict(scene.names), None, tuple(scene.edits))
+        first = State(
+            "opened", _pack(scene.labels), dict(scene.names), scene.start, tuple(scene.edits)
+        )
         self._states, self._at, self._saved = [first], 0, first
-        Thread(target=scene.graph.prepare, daemon=True).start()
+        self._coarse = Coarse(scene)
 
     # State
 
@@ -78,8 +96,8 @@ class Session:
     @property
     def threshold(self) -> float:
         """With which the clusters were found."""
-        given = self.state.start
-        return float(self._options().get("threshold", THRESHOLD) if given is None else given)
+        given = [step.parameters.get("threshold") for step in self.state.start]
+        return float(given[0] if given and given[0] else self._options()["threshold"])
 
     def describe(self) -> dict[str, Any]:
         """Revision, clusters and history, as JSON."""
@@ -170,11 +188,10 @@ class Session:
 
     def preview(self, threshold: float) -> np.ndarray:
         """About what `find` would give, at once; nothing changes."""
-        texels, (kept, adjacency, nearest) = self.scene.texels, self._preview_graph()
+        diffuse, (kept, adjacency, nearest) = self._diffuse(), self._coarse.get()
         options = {**self._options(), "threshold": threshold}
-        diffuse = self._diffuse()
         labels = segment(diffuse[kept], adjacency, **options)[nearest]
-        return np.where(np.isfinite(diffuse[: len(texels), 0]), labels, -1).astype(np.int32)
+        return np.where(np.isfinite(diffuse).all(1), labels, -1).astype(np.int32)
 
     def undo(self, revision: int | None = None) -> None:
         self._step(-1, "there is nothing to undo", revision)
@@ -206,15 +223,9 @@ class Session:
                         "them: nothing was saved. Keep these edits as a script (.mlx), open the "
                         "project again, and apply it there"
                     )
-                if state.start is not None and state.start != before.start:
-                    document.apply(MATERIALS, True, **{**self._options(), "threshold": state.start})
-                if state.edits != before.edits or state.start != before.start:
-                    anew = state.start is None or state.start == before.start
-                    document.apply(
-                        "apply_svbrdf_material_edits", edits=to_text(state.edits), anew=anew
-                    )
+                self._save_labels(document, state, before)
                 if state.names or before.names:
-                    document.apply("set_svbrdf_material_names", names=names_text(state.names))
+                    document.apply(NAMES, names=names_text(state.names))
                 self.scene.key = document.key("materials")
                 document.save()
             self._saved = state
@@ -224,13 +235,9 @@ class Session:
         """The filters that make these materials from the diffuse colour."""
         with self.lock:
             state = self.state
-            first = start_step(self.scene.document)
-            if state.start is not None:
-                options = {**self._options(), "threshold": state.start}
-                first = [Step(MATERIALS, {k: _word(v) for k, v in options.items()})]
-            steps = [*first, *edit_steps(state.edits)]
+            steps = [*state.start, *edit_steps(state.edits)]
             if state.names:
-                steps.append(Step("set_svbrdf_material_names", {"names": names_text(state.names)}))
+                steps.append(Step(NAMES, {"names": names_text(state.names)}))
             return steps
 
     def write_script(self, path: Path) -> None:
@@ -238,6 +245,20 @@ class Session:
         write_script(path, self.steps())
 
     # How
+
+    def _save_labels(self, document: Document, state: State, before: State) -> None:
+        """Bring the materials from one state to another, by what they have in common."""
+        edits, anew = state.edits, False
+        if state.start != before.start:
+            if not state.start:
+                raise SvbrdfError("the project has no materials in this state: nothing to save")
+            document.apply(state.start[0].name, True, **state.start[0].parameters)
+        elif state.edits[: len(before.edits)] == before.edits:
+            edits = state.edits[len(before.edits) :]
+        else:
+            anew = True
+        if edits or anew:
+            document.apply(EDITS, edits=to_text(edits), anew=anew)
 
     def _edit(self, edit: Edit, revision: int | None) -> None:
         with self.lock:
@@ -284,29 +305,31 @@ class Session:
         """The parameters with which the project's materials were found, but for an image."""
         runs = self.scene.document.results.record["runs"]
         given = runs.get(MATERIALS, {}).get("parameters", {})
-        names = ("threshold", "lightness_weight", "minimum_share", "join")
-        return {name: given[name] for name in names if given.get(name) is not None}
-
-    def _preview_graph(self) -> Any:
-        with self.lock:
-            if not hasattr(self, "_coarse"):
-                self._coarse = coarse(self.scene, self._diffuse())
-            return self._coarse
+        return {name: given.get(name, value) for name, value in FOUND_BY.items()}
 
 
-def coarse(scene: Scene, diffuse: np.ndarray) -> Any:
+class Coarse:
     """An even subset of the observed texels, its graph, and of each texel the nearest in it."""
-    from scipy.spatial import cKDTree
 
-    from ..geometry.adjacency import neighbours, thin
+    def __init__(self, scene: Scene) -> None:
+        self._scene, self._lock, self._found = scene, Lock(), None
 
-    position, normal = scene.texels.position, scene.texels.normal
-    observed = np.flatnonzero(np.isfinite(diffuse).all(1))
-    if not len(observed):
-        raise SvbrdfError("no texel has a diffuse colour: there is nothing to find clusters in")
-    kept = observed[thin(position[observed], normal[observed], PREVIEWED)]
-    nearest = cKDTree(position[kept]).query(position, workers=-1)[1]
-    return kept, neighbours(position[kept], normal[kept]), nearest
+    def get(self) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray], np.ndarray]:
+        """Computed when first asked for; (K,) of the subset, its graph, (T,) places in it."""
+        with self._lock:
+            if self._found is None:
+                self._found = self._find()
+            return self._found
+
+    def _find(self):
+        position, normal = self._scene.texels.position, self._scene.texels.normal
+        diffuse = self._scene.attribute("diffuse")
+        observed = np.flatnonzero(np.isfinite(diffuse).all(1)) if diffuse is not None else []
+        if not len(observed):
+            raise SvbrdfError("no texel has a diffuse colour: there is nothing to find clusters in")
+        kept = observed[thin(position[observed], normal[observed], PREVIEWED)]
+        nearest = cKDTree(position[kept]).query(position, workers=-1)[1]
+        return kept, neighbours(position[kept], normal[kept]), nearest
 
 
 def _pack(labels: np.ndarray) -> bytes:

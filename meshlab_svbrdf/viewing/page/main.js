@@ -174,12 +174,13 @@ async function pickAt(x, y, more) {
 
 async function showPoint(texel, found) {
   const asked = ++told.history;
-  if (!found) found = { ...point, cluster: undefined };
+  found ??= await tryTo(() => get(`point?texel=${texel}`));
+  if (!found || asked !== told.history) return;
   point = found;
   redraw();
   const own = state.clusters.find((c) => c.id === found.cluster);
   $("point-empty").hidden = true;
-  $("point-cluster").textContent = found.cluster === undefined ? "" : own ? `material ${own.id}${own.name ? `, ${own.name}` : ""}` : "of no material: unobserved";
+  $("point-cluster").textContent = own ? `material ${own.id}${own.name ? `, ${own.name}` : ""}` : "of no material: unobserved";
   showNumbers(found, own);
   const [history, density] = [$("history"), $("density")];
   const plot = async (box, ask, draw) => {
@@ -320,7 +321,7 @@ $("tool-pick").onclick = () => use("pick");
 $("tool-stroke").onclick = () => use("stroke");
 $("undo").onclick = () => edit("undo");
 $("redo").onclick = () => edit("redo");
-$("save").onclick = () => edit("save");
+$("save").onclick = () => { say("Saving…"); return edit("save"); };
 $("clear").onclick = () => { selected.clear(); showClusters(); };
 $("merge").onclick = async () => {
   const ids = [...selected];

@@ -28,7 +28,7 @@ void main() {
 
 export class Painted {
   constructor(canvas) {
-    const gl = canvas.getContext("webgl2", { antialias: true, alpha: false, preserveDrawingBuffer: true });
+    const gl = canvas.getContext("webgl2", { antialias: true, alpha: false });
     if (!gl) throw new Error("this browser has no WebGL 2: the object cannot be shown");
     this.gl = gl;
     this.program = this.#link();

@@ -1,7 +1,7 @@
 // The two plots of a point: luminance over the frames, and the density of its material's ρs.
 const SVG = "http://www.w3.org/2000/svg";
 const LIGHTS = ["#ffb454", "#6fd0a0", "#c79bff", "#ff7d9c", "#66c7ff", "#e3e06a", "#ff9e64", "#9fd356"];
-const W = 344, H = 190, LEFT = 34, BOTTOM = 22, TOP = 8, RIGHT = 6;
+const W = 344, H = 148, LEFT = 34, BOTTOM = 22, TOP = 8, RIGHT = 6;
 
 function element(name, attributes, parent, words) {
   const node = document.createElementNS(SVG, name);
