@@ -182,9 +182,9 @@ class Session:
             options = {**self._options(), "threshold": threshold}
             texels = self.scene.texels
             labels = segment_surface(texels.position, texels.normal, self._diffuse(), **options)
-            self._push(
-                State(f"found with threshold {threshold:g}", _pack(labels), {}, threshold, ())
-            )
+            start = Step(MATERIALS, {name: _word(value) for name, value in options.items()})
+            words = f"found with threshold {threshold:g}"
+            self._push(State(words, _pack(labels), {}, (start,), ()))
 
     def preview(self, threshold: float) -> np.ndarray:
         """About what `find` would give, at once; nothing changes."""
@@ -252,7 +252,8 @@ class Session:
         if state.start != before.start:
             if not state.start:
                 raise SvbrdfError("the project has no materials in this state: nothing to save")
-            document.apply(state.start[0].name, True, **state.start[0].parameters)
+            given: dict[str, Any] = dict(state.start[0].parameters)
+            document.apply(state.start[0].name, force=True, **given)
         elif state.edits[: len(before.edits)] == before.edits:
             edits = state.edits[len(before.edits) :]
         else:
@@ -308,25 +309,29 @@ class Session:
         return {name: given.get(name, value) for name, value in FOUND_BY.items()}
 
 
+Subset = tuple[np.ndarray, tuple[np.ndarray, np.ndarray], np.ndarray]
+
+
 class Coarse:
     """An even subset of the observed texels, its graph, and of each texel the nearest in it."""
 
     def __init__(self, scene: Scene) -> None:
-        self._scene, self._lock, self._found = scene, Lock(), None
+        self._scene, self._lock = scene, Lock()
+        self._found: Subset | None = None
 
-    def get(self) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray], np.ndarray]:
+    def get(self) -> Subset:
         """Computed when first asked for; (K,) of the subset, its graph, (T,) places in it."""
         with self._lock:
             if self._found is None:
                 self._found = self._find()
             return self._found
 
-    def _find(self):
+    def _find(self) -> Subset:
         position, normal = self._scene.texels.position, self._scene.texels.normal
         diffuse = self._scene.attribute("diffuse")
-        observed = np.flatnonzero(np.isfinite(diffuse).all(1)) if diffuse is not None else []
-        if not len(observed):
+        if diffuse is None or not np.isfinite(diffuse).all(1).any():
             raise SvbrdfError("no texel has a diffuse colour: there is nothing to find clusters in")
+        observed = np.flatnonzero(np.isfinite(diffuse).all(1))
         kept = observed[thin(position[observed], normal[observed], PREVIEWED)]
         nearest = cKDTree(position[kept]).query(position, workers=-1)[1]
         return kept, neighbours(position[kept], normal[kept]), nearest
