@@ -34,6 +34,17 @@ def hits(session: Session, origins: np.ndarray, directions: np.ndarray) -> np.nd
     return _meet(session, origins, directions)[0]
 
 
+def loop(session: Session, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
+    """A closed stroke: where rays first meet the object, and back along where they last leave it."""
+    front = hits(session, origins, directions)
+    origins, directions = np.reshape(origins, (-1, 3)), np.reshape(directions, (-1, 3))
+    length = np.linalg.norm(directions, axis=1, keepdims=True)
+    away = np.linalg.norm(origins - session.scene.texels.center, axis=1, keepdims=True)
+    beyond = origins + directions / length * (away + 2 * session.scene.texels.radius)
+    back = hits(session, beyond, -directions)
+    return np.concatenate([front, back[::-1], front[:1]])
+
+
 def pick(session: Session, origin: np.ndarray, direction: np.ndarray) -> dict[str, Any]:
     """The texel under a ray, as JSON; SvbrdfError where the ray misses the object."""
     scene = session.scene

@@ -82,7 +82,8 @@ def _pick(session: Session, given: Given) -> Answer:
 
 
 def _split(session: Session, given: Given) -> Answer:
-    stroke = picking.hits(session, *_rays(given))
+    trace = picking.loop if given.get("through") else picking.hits
+    stroke = trace(session, *_rays(given))
     session.split(stroke, int(given.get("cluster", -1)), given["revision"])
     return _state(session, given)
 

@@ -93,8 +93,10 @@ async function refresh(next, labels = true) {
 
 function showClusters() {
   object.color(previewing ? palette() : state.clusters, previewing ? new Set() : selected);
-  const editing = document.activeElement?.closest?.("#clusters input");
-  if (!editing) $("clusters").replaceChildren(...state.clusters.map(clusterRow));
+  const ids = state.clusters.map((c) => c.id).join();
+  if (ids !== $("clusters").ids || !document.activeElement?.closest?.("#clusters input"))
+    $("clusters").replaceChildren(...state.clusters.map(clusterRow));
+  $("clusters").ids = ids;
   $("count").textContent = state.clusters.length ? `${state.clusters.length} clusters` : "none yet";
   $("merge").disabled = selected.size < 2;
   $("clear").disabled = !selected.size;
@@ -129,7 +131,7 @@ function clusterRow(cluster) {
   };
   const swatch = cell("swatch"), name = document.createElement("input");
   swatch.style.background = `rgb(${cluster.color})`;
-  Object.assign(name, { type: "text", value: cluster.name, placeholder: "unnamed", maxLength: 60, title: "Its name" });
+  Object.assign(name, { type: "text", value: cluster.name, placeholder: "unnamed", maxLength: 60, title: "Its name; select the material to change it" });
   name.setAttribute("aria-label", `Name of material ${cluster.id}`);
   name.addEventListener("change", () => edit("rename", { id: cluster.id, name: name.value }));
   name.addEventListener("keydown", (event) => { if (event.key === "Enter") name.blur(); });
@@ -283,6 +285,7 @@ function use(name) {
   tool = name;
   for (const other of ["pick", "stroke"]) $(`tool-${other}`).setAttribute("aria-pressed", `${other === name}`);
   view.classList.toggle("stroke", name === "stroke");
+  $("through-box").hidden = name !== "stroke";
   $("hint").textContent = name === "pick"
     ? "Drag to turn, right-drag to shift, wheel to zoom. Click to pick; Ctrl or Shift adds."
     : "Draw across a material, beyond its border on both sides. Right-drag turns; Shift goes on with the stroke afterwards.";
@@ -295,7 +298,7 @@ async function endStroke(more) {
   await endPreview();
   const rays = stroke.map((s) => s.ray), one = selected.size === 1 ? [...selected][0] : -1;
   stroke = [];
-  const next = await edit("split", { rays, cluster: one });
+  const next = await edit("split", { rays, cluster: one, through: $("through").checked });
   if (next) use("pick");
   return redraw();
 }
@@ -380,13 +383,17 @@ async function begin() {
   await refresh(await get("state"));
   if (!state.clusters.length) say(scene.finds ? "There are no materials yet: choose a threshold and find them." : "There are no materials yet, and no diffuse colour to find them by: run compute_svbrdf_diffuse_color, or the whole chain, first.", true);
   document.body.dataset.ready = "yes";
-  setInterval(async () => {
-    if (document.hidden) return;
-    try {
-      const next = await get("state");
-      if (next.revision !== state.revision || next.dirty !== state.dirty) await refresh(next);
-    } catch { /* said when something is asked for */ }
-  }, 1500);
+  setInterval(follow, 1500);
+  addEventListener("visibilitychange", follow);
+}
+
+// Take over what another page did; a page in the background waits until it is looked at
+async function follow() {
+  if (document.hidden) return;
+  try {
+    const next = await get("state");
+    if (next.revision !== state.revision || next.dirty !== state.dirty) await refresh(next);
+  } catch { /* said when something is asked for */ }
 }
 
 begin().catch((error) => say(error.message, true));
