@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cached_property
+from threading import Lock
 
 import numba as nb
 import numpy as np
@@ -27,6 +28,7 @@ class SurfaceGraph:
     ) -> None:
         self.position, self.normal = np.asarray(position), np.asarray(normal)
         self._given = adjacency
+        self._numbering, self._number = Lock(), np.full(len(position), -1, np.int32)
 
     def __len__(self) -> int:
         return len(self.position)
@@ -54,9 +56,10 @@ class SurfaceGraph:
 
     def lengths(self, chosen: np.ndarray) -> csr_array:
         """The graph among the texels `chosen`, ascending (C,), weighted with positive distances."""
-        indptr, indices, length = _among(
-            np.ascontiguousarray(chosen, np.int64), *self.adjacency, self._place
-        )
+        with self._numbering:
+            indptr, indices, length = _among(
+                np.ascontiguousarray(chosen, np.int64), *self.adjacency, self._place, self._number
+            )
         return csr_array((length, indices, indptr), shape=(len(chosen),) * 2)
 
     def components(self, keep: np.ndarray) -> np.ndarray:
@@ -69,9 +72,11 @@ class SurfaceGraph:
 
 
 @nb.njit(cache=True, nogil=True)
-def _among(chosen, indptr, indices, place):
-    """Rows of the graph among `chosen`, its columns numbered as in `chosen`, and their lengths."""
-    number = np.full(len(indptr) - 1, -1, np.int32)
+def _among(chosen, indptr, indices, place, number):
+    """Rows of the graph among `chosen`, its columns numbered as in `chosen`, and their lengths.
+
+    number : (T,) int32 of -1, and so again afterwards
+    """
     most = 0
     for c in range(len(chosen)):
         number[chosen[c]] = c
@@ -92,6 +97,8 @@ def _among(chosen, indptr, indices, place):
                 length[n] = max(np.sqrt(d2), 1e-300)
                 n += 1
         rows[c + 1] = n
+    for i in chosen:
+        number[i] = -1
     return rows, columns[:n], length[:n]
 
 

@@ -92,8 +92,8 @@ def read_faces(text: str) -> np.ndarray:
     """Ascending int64; SvbrdfError for anything but runs of whole numbers."""
     found = []
     for word in text.replace(",", " ").split():
-        first, _, last = word.partition("-")
-        if not first.isdecimal() or not (last or first).isdecimal():
+        first, dash, last = word.partition("-")
+        if not first.isdecimal() or not (last if dash else first).isdecimal():
             raise SvbrdfError(f"faces has {word!r}, expected numbers and runs, such as 0-9 12")
         found.append(np.arange(int(first), int(last or first) + 1))
     return np.unique(np.concatenate(found)) if found else np.zeros(0, np.int64)

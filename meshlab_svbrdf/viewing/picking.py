@@ -14,7 +14,7 @@ from ..samples.luminance import luminance, to_srgb8
 from . import maps
 from .session import Session
 
-SHOWN_TEXELS = 3000
+SHOWN_TEXELS = 2000
 """Of a cluster, whose peaks make the density of ρs where no filter has computed them."""
 
 
@@ -35,14 +35,18 @@ def hits(session: Session, origins: np.ndarray, directions: np.ndarray) -> np.nd
 
 
 def loop(session: Session, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
-    """A closed stroke: where rays first meet the object, and back along where they last leave it."""
+    """A closed stroke: where rays first meet the object, and back along where they last leave it.
+
+    It begins in the middle of the back, so that its middle is that of the front.
+    """
     front = hits(session, origins, directions)
     origins, directions = np.reshape(origins, (-1, 3)), np.reshape(directions, (-1, 3))
     length = np.linalg.norm(directions, axis=1, keepdims=True)
     away = np.linalg.norm(origins - session.scene.texels.center, axis=1, keepdims=True)
     beyond = origins + directions / length * (away + 2 * session.scene.texels.radius)
     back = hits(session, beyond, -directions)
-    return np.concatenate([front, back[::-1], front[:1]])
+    half = len(back) // 2
+    return np.concatenate([back[:half][::-1], front, back[half:][::-1], back[half - 1 : half]])
 
 
 def pick(session: Session, origin: np.ndarray, direction: np.ndarray) -> dict[str, Any]:

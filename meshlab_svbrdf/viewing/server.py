@@ -68,6 +68,8 @@ class PageServer(ThreadingHTTPServer):
 class _Handler(BaseHTTPRequestHandler):
     server: PageServer
     protocol_version = "HTTP/1.1"
+    disable_nagle_algorithm = True  # a small answer must not wait for an acknowledgement
+    wbufsize = 1 << 16
     server_version, sys_version = "meshlab-svbrdf", ""
 
     def do_GET(self) -> None:
@@ -178,3 +180,4 @@ class _Handler(BaseHTTPRequestHandler):
             )
         self.end_headers()
         self.wfile.write(answer.body)
+        self.wfile.flush()
