@@ -21,6 +21,8 @@ OFF_THE_OBJECT = 10.0
 # Half the stroke's width in lengths of an edge, 1.2 spacings on a square grid: no edge of the graph
 # (at most 2.5 spacings) crosses it with both ends outside.
 HALF_WIDTH = 1.5
+RINGS = 3
+"""Of neighbours around the stroke, within which all lies that is so near."""
 
 # Fewer texels than this between stroke and border are fringe, not a part.
 SMALLEST_PART = 10
@@ -213,9 +215,15 @@ def _ribbon(path: np.ndarray, surface: SurfaceGraph) -> np.ndarray:
     ends = np.concatenate([indices[indptr[i] : indptr[i + 1]] for i in path])
     starts = np.repeat(path, indptr[path + 1] - indptr[path])
     edge = np.median(np.linalg.norm(positions[starts] - positions[ends], axis=1))
-    balls = surface.tree.query_ball_point(positions[path], HALF_WIDTH * float(edge))
+    around = path
+    for _ in range(RINGS):
+        around = np.unique(np.concatenate([around, surface.around(around)]))
+    distance, _ = cKDTree(positions[path]).query(
+        positions[around], distance_upper_bound=HALF_WIDTH * float(edge)
+    )
     near = np.zeros(len(positions), bool)
-    near[np.concatenate([path, *balls]).astype(np.int64)] = True
+    near[around[np.isfinite(distance)]] = True
+    near[path] = True
     part = surface.components(near)
     return near & np.isin(part, np.unique(part[path]))
 

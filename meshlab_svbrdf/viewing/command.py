@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import contextlib
+import signal
 import webbrowser
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from threading import Thread
 
@@ -13,6 +14,23 @@ from .picking import warm
 from .scene import Scene
 from .server import PageServer
 from .session import Session
+
+ENDS = ("SIGTERM", "SIGHUP")
+"""Signals that end the page as Ctrl+C does: a window that is closed, a machine that goes down."""
+
+
+@contextlib.contextmanager
+def _ended_alike() -> Iterator[None]:
+    before = {}
+    for name in ENDS:
+        with contextlib.suppress(AttributeError, ValueError):  # not here, or not the main thread
+            number = getattr(signal, name)
+            before[number] = signal.signal(number, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def serve(
@@ -30,7 +48,7 @@ def serve(
         raise SvbrdfError(
             f"port {port} cannot be had ({error.strerror}): choose another with --port, or 0"
         ) from None
-    with page:
+    with page, _ended_alike():
         say(f"Open {page.address}\n(for this machine alone; Ctrl+C ends it)")
         if browser:
             webbrowser.open(page.address)

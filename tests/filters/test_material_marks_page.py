@@ -48,6 +48,7 @@ def flagged(path: Path, selected: np.ndarray) -> Path:
         f"3 {a} {b} {c} {0x20 | 0x40 if chosen else 0x40}"
         for (a, b, c), chosen in zip(mesh.faces, selected, strict=True)
     ]
+    path.unlink()  # other tests share the file
     path.write_text("\n".join([*head, *rows, ""]))
     return path
 
