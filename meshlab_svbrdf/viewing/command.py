@@ -58,4 +58,5 @@ def serve(
     if session.dirty:
         kept = project.absolute().with_name(f"{project.stem}.unsaved.mlx")
         session.write_script(kept)
-        say(f"What was not saved is kept in {kept.name}: `meshlab-svbrdf run --script` applies it.")
+        say("What was not saved is kept as a script. To apply it:")
+        say(f"meshlab-svbrdf run {project} -o {project} --script {kept}")

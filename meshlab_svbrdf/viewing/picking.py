@@ -66,6 +66,7 @@ def tell(session: Session, texel: int) -> dict[str, Any]:
     told: dict[str, Any] = {
         "texel": texel,
         "point": scene.place(texel).tolist(),
+        "normal": scene.texels.normal[texel].tolist(),
         "face": int(scene.texels.face[texel]),
         "cluster": cluster,
     }

@@ -147,7 +147,8 @@ def shown(page, selector) -> str:
 
 def wait_for(page, words: str) -> None:
     page.wait_for_function(
-        "words => document.getElementById('message').textContent.includes(words)", arg=words
+        "words => document.getElementById('message').textContent.toLowerCase().includes(words)",
+        arg=words.lower(),
     )
 
 
@@ -201,7 +202,7 @@ def test_look_pick_merge_split_undo_name_and_save(page, served, project):
     page.mouse.move(1000, y + 6, steps=120)
     page.mouse.up()
     page.wait_for_function(
-        "() => document.getElementById('message').textContent.match(/^split|divide/)"
+        "() => document.getElementById('message').textContent.match(/^Split|divide/)"
     )
     assert "divide" not in shown(page, "#message")
     edit = session.state.edits[-1]

@@ -293,6 +293,6 @@ def test_what_is_not_saved_when_the_page_ends_is_kept_as_a_script(project):
 
     serve(project, 0, False, lines.append, edit_and_end)
     assert "127.0.0.1" in lines[0]
-    assert "totem.unsaved.mlx" in lines[1]
+    assert "totem.unsaved.mlx" in lines[-1]
     steps = read_script(project.with_name("totem.unsaved.mlx"))
     assert steps[-1].parameters == {"ids": "0 1"}

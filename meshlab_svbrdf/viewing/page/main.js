@@ -16,7 +16,7 @@ let told = { history: 0, preview: 0, map: 0 }; // the newest question of each ki
 let fading;
 function say(words, bad = false) {
   const box = $("message");
-  box.textContent = words;
+  box.textContent = words.charAt(0).toUpperCase() + words.slice(1);
   box.classList.toggle("bad", bad);
   box.hidden = !words;
   clearTimeout(fading);
@@ -67,12 +67,16 @@ function drawOverlay(scale) {
   }
   const at = point && camera.project(local(point.point));
   if (at) {
+    // Faint where it is on the far side
+    const place = local(point.point), eye = camera.eye;
+    paper.globalAlpha = point.normal.reduce((sum, n, i) => sum + n * (eye[i] - place[i]), 0) > 0 ? 1 : 0.25;
     for (const [color, width] of [["#000a", 4], ["#fff", 2]]) {
       Object.assign(paper, { strokeStyle: color, lineWidth: width });
       paper.beginPath();
       paper.arc(...at, 6, 0, 2 * Math.PI);
       paper.stroke();
     }
+    paper.globalAlpha = 1;
   }
 }
 

@@ -1,7 +1,7 @@
 // The two plots of a point: luminance over the frames, and the density of its material's ρs.
 const SVG = "http://www.w3.org/2000/svg";
 const LIGHTS = ["#ffb454", "#6fd0a0", "#c79bff", "#ff7d9c", "#66c7ff", "#e3e06a", "#ff9e64", "#9fd356"];
-const W = 344, H = 148, LEFT = 34, BOTTOM = 22, TOP = 8, RIGHT = 6;
+const W = 344, H = 128, LEFT = 34, BOTTOM = 22, TOP = 8, RIGHT = 6;
 
 function element(name, attributes, parent, words) {
   const node = document.createElementNS(SVG, name);
@@ -54,8 +54,9 @@ function note(box, words) {
 export function drawHistory(box, told) {
   box.replaceChildren();
   if (!told.frame.length) return note(box, "No frame shows this point.");
-  const most = 1.06 * Math.max(...told.luminance, told.threshold ?? 0, told.diffuse ?? 0);
-  const least = Math.max(0, Math.min(...told.luminance, told.diffuse ?? Infinity) - 0.15 * most);
+  const top = Math.max(...told.luminance, told.threshold ?? 0, told.diffuse ?? 0);
+  const foot = Math.min(...told.luminance, told.diffuse ?? Infinity), room = Math.max(0.08 * (top - foot), 0.2);
+  const [least, most] = [Math.max(0, foot - room), top + room];
   const [first, last] = [told.frame[0], Math.max(told.frame.at(-1), told.frame[0] + 1)];
   const x = (f) => LEFT + (W - LEFT - RIGHT) * (f - first) / (last - first);
   const y = (v) => TOP + (H - TOP - BOTTOM) * (most - v) / (most - least);
