@@ -33,7 +33,7 @@ class Scene:
     """A project, as far as pages show it.
 
     document : as it was opened; `key` is that of its materials then, "" where it had none
-    labels : (T,) int32; names : of materials, by id
+    labels : (T,) int32, all -1 where the materials are out of date; names : of materials, by id
     start, edits : the filter that made them (no step where that is not known), and what was done
         to them since
     """
@@ -58,13 +58,12 @@ class Scene:
         self.canvas = Canvas(self.graph, self.texels.center, self.texels.face)
         self._reading = Lock()
         self.painting, self.painted = Lock(), dict[str, Any]()
-        self.key = ""
+        self.key = document.key("materials") if document.has("materials") else ""
         self.labels = np.full(len(self.texels), -1, np.int32)
         self.names: dict[int, str] = {}
         self.start: tuple[Step, ...] = ()
         self.edits: list[Edit] = []
         if self.fresh("materials"):
-            self.key = document.key("materials")
             self.labels, self.names = read_labels(document), read_names(document)
             self.edits = read_edits(document)
             self.start = tuple(Step(x.name, x.parameters) for x in start_step(document))

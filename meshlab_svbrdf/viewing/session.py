@@ -6,19 +6,15 @@ and nothing is lost.
 
 from __future__ import annotations
 
-import zlib
-from dataclasses import dataclass
 from pathlib import Path
-from threading import Lock, RLock
+from threading import RLock
 from typing import Any
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from ..document.document import Document
 from ..errors import SvbrdfError
 from ..filters._materials import edit_steps, names_text
-from ..geometry.adjacency import neighbours, thin
 from ..reflectance.labels import palette
 from ..reflectance.material_edits import Edit, Merge, Split, perform, rounded, to_text
 from ..reflectance.materials import (
@@ -29,10 +25,10 @@ from ..reflectance.materials import (
     segment_surface,
 )
 from ..script import Step, write_script
+from .coarse import Coarse
 from .scene import MATERIALS, Scene
+from .states import State, pack, unpack
 
-PREVIEWED = 40_000
-"""Texels that a preview of a threshold grows regions on; the others follow the nearest."""
 LONGEST_NAME = 60
 EDITS, NAMES = "apply_svbrdf_material_edits", "set_svbrdf_material_names"
 FOUND_BY = {
@@ -48,22 +44,6 @@ class ConflictError(SvbrdfError):
     """Somebody else changed what was to be edited."""
 
 
-@dataclass(frozen=True)
-class State:
-    """The materials at one moment.
-
-    words : what led here; packed : the labels, compressed; names : by id
-    start : the filter that made them, a step of a script; none where that is not known
-    edits : since that start
-    """
-
-    words: str
-    packed: bytes
-    names: dict[int, str]
-    start: tuple[Step, ...]
-    edits: tuple[Edit, ...]
-
-
 class Session:
     """Materials under edit. Methods may be called from several threads.
 
@@ -77,7 +57,7 @@ class Session:
         self.revision = 0
         self.labels = scene.labels
         first = State(
-            "opened", _pack(scene.labels), dict(scene.names), scene.start, tuple(scene.edits)
+            "opened", pack(scene.labels), dict(scene.names), scene.start, tuple(scene.edits)
         )
         self._states, self._at, self._saved = [first], 0, first
         self._coarse = Coarse(scene)
@@ -184,7 +164,7 @@ class Session:
             labels = segment_surface(texels.position, texels.normal, self._diffuse(), **options)
             start = Step(MATERIALS, {name: _word(value) for name, value in options.items()})
             words = f"found with threshold {threshold:g}"
-            self._push(State(words, _pack(labels), {}, (start,), ()))
+            self._push(State(words, pack(labels), {}, (start,), ()))
 
     def preview(self, threshold: float) -> np.ndarray:
         """About what `find` would give, at once; nothing changes."""
@@ -268,7 +248,7 @@ class Session:
             now, words = self.state, _words(edit, self.labels, labels)
             there = set(np.unique(labels).tolist())
             names = {k: v for k, v in now.names.items() if k in there}
-            self._push(State(words, _pack(labels), names, now.start, (*now.edits, edit)))
+            self._push(State(words, pack(labels), names, now.start, (*now.edits, edit)))
 
     def _push(self, state: State) -> None:
         self._states = [*self._states[: self._at + 1], state]
@@ -276,7 +256,7 @@ class Session:
 
     def _go(self, at: int) -> None:
         self._at = at
-        self.labels = _unpack(self.state.packed)
+        self.labels = unpack(self.state.packed)
         self.revision += 1
 
     def _step(self, by: int, nothing: str, revision: int | None) -> None:
@@ -307,42 +287,6 @@ class Session:
         runs = self.scene.document.results.record["runs"]
         given = runs.get(MATERIALS, {}).get("parameters", {})
         return {name: given.get(name, value) for name, value in FOUND_BY.items()}
-
-
-Subset = tuple[np.ndarray, tuple[np.ndarray, np.ndarray], np.ndarray]
-
-
-class Coarse:
-    """An even subset of the observed texels, its graph, and of each texel the nearest in it."""
-
-    def __init__(self, scene: Scene) -> None:
-        self._scene, self._lock = scene, Lock()
-        self._found: Subset | None = None
-
-    def get(self) -> Subset:
-        """Computed when first asked for; (K,) of the subset, its graph, (T,) places in it."""
-        with self._lock:
-            if self._found is None:
-                self._found = self._find()
-            return self._found
-
-    def _find(self) -> Subset:
-        position, normal = self._scene.texels.position, self._scene.texels.normal
-        diffuse = self._scene.attribute("diffuse")
-        if diffuse is None or not np.isfinite(diffuse).all(1).any():
-            raise SvbrdfError("no texel has a diffuse colour: there is nothing to find clusters in")
-        observed = np.flatnonzero(np.isfinite(diffuse).all(1))
-        kept = observed[thin(position[observed], normal[observed], PREVIEWED)]
-        nearest = cKDTree(position[kept]).query(position, workers=-1)[1]
-        return kept, neighbours(position[kept], normal[kept]), nearest
-
-
-def _pack(labels: np.ndarray) -> bytes:
-    return zlib.compress(np.ascontiguousarray(labels, np.int32).tobytes(), 1)
-
-
-def _unpack(packed: bytes) -> np.ndarray:
-    return np.frombuffer(zlib.decompress(packed), np.int32)
 
 
 def _word(value: Any) -> str:

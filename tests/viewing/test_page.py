@@ -268,6 +268,32 @@ def test_what_goes_wrong_is_said_and_nothing_is_lost(page, served):
     np.testing.assert_array_equal(session.labels, before)
 
 
+def test_a_stroke_goes_on_after_the_object_was_turned(page, served):
+    """Its pieces are cut at once, each by the rays of where it was drawn."""
+    page.click("#tool-stroke")
+    page.keyboard.down("Shift")
+    page.mouse.move(330, 400)
+    page.mouse.down()
+    page.mouse.move(630, 410, steps=20)
+    with page.expect_response("**/api/hits") as told:
+        page.mouse.up()
+    assert told.value.json()["points"]
+    page.mouse.move(500, 300)
+    page.mouse.down(button="right")
+    page.mouse.move(640, 300, steps=4)
+    page.mouse.up(button="right")
+    page.mouse.move(500, 400)
+    page.mouse.down()
+    page.keyboard.up("Shift")
+    page.mouse.move(640, 410, steps=20)
+    with page.expect_request("**/api/split") as asked:
+        page.mouse.up()
+    rays = np.array(asked.value.post_data_json["rays"])
+    eyes, count = np.unique(np.round(rays[:, :3], 9), axis=0, return_counts=True)
+    assert len(eyes) == 2
+    assert count.min() > 10
+
+
 def test_two_pages_on_one_project(page, served, browser, problems):
     """The second learns what the first did, and an edit that came too late is refused, not lost."""
     session, other = served.session, opened(browser, served, problems)

@@ -284,6 +284,16 @@ def test_projects_without_materials_can_be_given_some_and_say_what_they_lack(
     np.testing.assert_array_equal(saved(document.path), found)
 
 
+def test_materials_that_are_out_of_date_are_found_anew(project):
+    Document.open(project).apply(DIFFUSE, method="quantile")
+    session = Session(Scene(project))
+    assert session.clusters() == []
+    session.find(10.0)
+    session.save()
+    assert not Document.open(project).stale("materials")
+    np.testing.assert_array_equal(saved(project), session.labels)
+
+
 def test_what_is_not_saved_when_the_page_ends_is_kept_as_a_script(project):
     lines: list[str] = []
 

@@ -2,13 +2,15 @@
 import { array, get, post, text } from "./api.js";
 import { Camera } from "./camera.js";
 import { Painted } from "./object.js";
+import { clusterRow, numberRows, palette } from "./panel.js";
 import { drawDensity, drawHistory, number } from "./plots.js";
 import { Pointer } from "./pointer.js";
 
 const $ = (id) => document.getElementById(id);
 const view = $("view"), overlay = $("overlay");
 const camera = new Camera(), selected = new Set();
-let object, scene, state, point = null, previewing = false, tool = "pick", stroke = [];
+let object, scene, state, point = null, previewing = false, tool = "pick";
+let stroke = [], settled = { count: 0, points: [] }; // a stroke's rays, and what of it lies on the object
 let told = { history: 0, preview: 0, map: 0 }; // the newest question of each kind: late answers are dropped
 
 // Messages
@@ -59,7 +61,8 @@ function drawOverlay(scale) {
     for (const [color, width] of [["#000a", 5], ["#fff", 2.5]]) {
       Object.assign(paper, { strokeStyle: color, lineWidth: width, lineJoin: "round", lineCap: "round" });
       paper.beginPath();
-      stroke.map((s) => camera.project(s.at)).forEach((p, i) => {
+      const on = stroke.length >= settled.count ? settled : { count: 0, points: [] };
+      [...on.points, ...stroke.slice(on.count).map((s) => s.at)].map((at) => camera.project(at)).forEach((p, i) => {
         if (p) paper[i ? "lineTo" : "moveTo"](...p);
       });
       paper.stroke();
@@ -98,8 +101,11 @@ async function refresh(next, labels = true) {
 function showClusters() {
   object.color(previewing ? palette() : state.clusters, previewing ? new Set() : selected);
   const ids = state.clusters.map((c) => c.id).join();
+  const rows = () => state.clusters.map((cluster) => clusterRow(cluster, selected.has(cluster.id), {
+    select, rename: (id, name) => edit("rename", { id, name }),
+  }));
   if (ids !== $("clusters").ids || !document.activeElement?.closest?.("#clusters input"))
-    $("clusters").replaceChildren(...state.clusters.map(clusterRow));
+    $("clusters").replaceChildren(...rows());
   $("clusters").ids = ids;
   $("count").textContent = state.clusters.length ? `${state.clusters.length} clusters` : "none yet";
   $("merge").disabled = selected.size < 2;
@@ -112,40 +118,6 @@ function showClusters() {
   $("save").textContent = state.dirty ? "Save" : "Saved";
   document.title = `${state.dirty ? "• " : ""}${scene.project} – materials`;
   redraw();
-}
-
-// Far-apart colours for a preview, whose clusters are not those of the list
-const palette = () => Array.from({ length: 256 }, (_, id) => {
-  const hue = (id * 137.508) % 360, channel = (k) => {
-    const m = (k + hue / 30) % 12;
-    return Math.round(255 * (0.55 - 0.38 * Math.max(-1, Math.min(m - 3, 9 - m, 1))));
-  };
-  return { id, color: [channel(0), channel(8), channel(4)] };
-});
-
-function clusterRow(cluster) {
-  const row = document.createElement("li"), gloss = cluster.gloss;
-  row.classList.toggle("selected", selected.has(cluster.id));
-  row.dataset.id = cluster.id;
-  const cell = (name, words = "") => {
-    const span = document.createElement("span");
-    span.className = name;
-    span.textContent = words;
-    return span;
-  };
-  const swatch = cell("swatch"), name = document.createElement("input");
-  swatch.style.background = `rgb(${cluster.color})`;
-  Object.assign(name, { type: "text", value: cluster.name, placeholder: "unnamed", maxLength: 60, title: "Its name; select the material to change it" });
-  name.setAttribute("aria-label", `Name of material ${cluster.id}`);
-  name.addEventListener("change", () => edit("rename", { id: cluster.id, name: name.value }));
-  name.addEventListener("keydown", (event) => { if (event.key === "Enter") name.blur(); });
-  name.addEventListener("click", (event) => event.stopPropagation());
-  const shown = !gloss ? `${(100 * cluster.share).toFixed(1)} %` : gloss.observed ? `ρs ${number(gloss.rho_s)}  α ${number(gloss.alpha)}` : "no gloss told";
-  const right = cell("gloss", shown);
-  right.title = `${cluster.texels.toLocaleString()} texels, ${(100 * cluster.share).toFixed(1)} %${gloss && !gloss.observed ? `: ${gloss.reason}` : ""}`;
-  row.append(swatch, cell("id", cluster.id), name, right);
-  row.addEventListener("click", (event) => select(cluster.id, event.ctrlKey || event.shiftKey || event.metaKey));
-  return row;
 }
 
 function select(id, more) {
@@ -187,7 +159,7 @@ async function showPoint(texel, found) {
   const own = state.clusters.find((c) => c.id === found.cluster);
   $("point-empty").hidden = true;
   $("point-cluster").textContent = own ? `material ${own.id}${own.name ? `, ${own.name}` : ""}` : "of no material: unobserved";
-  showNumbers(found, own);
+  $("numbers").replaceChildren(...numberRows(found, own));
   const [history, density] = [$("history"), $("density")];
   const plot = async (box, ask, draw) => {
     const paper = box.querySelector(".plot");
@@ -204,37 +176,6 @@ async function showPoint(texel, found) {
     plot(history, () => get(`history?texel=${texel}`), drawHistory),
     own ? plot(density, () => get(`density?cluster=${own.id}`), drawDensity) : (density.hidden = true),
   ]);
-}
-
-function showNumbers(found, own) {
-  const rows = [];
-  const row = (name, words, color) => {
-    const [term, value] = [document.createElement("dt"), document.createElement("dd")];
-    term.textContent = name;
-    if (color) {
-      const swatch = document.createElement("span");
-      swatch.className = "swatch";
-      swatch.style.background = `rgb(${color})`;
-      value.append(swatch);
-    }
-    value.append(words);
-    rows.push(term, value);
-  };
-  if (own) row("cluster", `${own.texels.toLocaleString()} texels, ${(100 * own.share).toFixed(1)} %`);
-  if (own?.gloss) row("material", own.gloss.observed ? `ρs ${number(own.gloss.rho_s)}, α ${number(own.gloss.alpha)}` : "unobserved");
-  if (own?.gloss?.explained_variance != null) row("variance explained", `${(100 * own.gloss.explained_variance).toFixed(1)} %`);
-  if (own?.gloss && !own.gloss.observed) {
-    const why = document.createElement("dd");
-    why.className = "wide";
-    why.textContent = own.gloss.reason;
-    rows.push(why);
-  }
-  if (found.diffuse) row("diffuse", found.diffuse.map((x) => number(x)).join("  "), found.diffuse_srgb);
-  if (found.threshold !== undefined) row("threshold, mean, least", [found.threshold, found.mean, found.minimum].map((x) => number(x)).join("  "));
-  if (found.alpha !== undefined) row("own peak", `ρs ${number(found.rho_s)}, α ${number(found.alpha)}`);
-  if (found.samples !== undefined) row("samples", `${found.samples} good of ${found.frames ?? "?"}`);
-  row("place", found.point.map((x) => number(x, 4)).join("  "));
-  $("numbers").replaceChildren(...rows);
 }
 
 // Maps
@@ -297,8 +238,18 @@ function use(name) {
   redraw();
 }
 
+// What is drawn so far lies on the object, as it is turned to go on
+async function settleStroke() {
+  const count = stroke.length;
+  const told = await tryTo(() => post("hits", { rays: stroke.map((s) => s.ray) }));
+  if (!told || stroke.length !== count) return;
+  settled = { count, points: told.points.map(local) };
+  redraw();
+}
+
 async function endStroke(more) {
-  if (more || stroke.length < 2) return redraw();
+  if (more) return settleStroke();
+  if (stroke.length < 2) return redraw();
   await endPreview();
   const rays = stroke.map((s) => s.ray), one = selected.size === 1 ? [...selected][0] : -1;
   stroke = [];
@@ -314,7 +265,7 @@ new Pointer(view, {
   click(x, y, more) { if (!previewing) pickAt(x, y, more); else endPreview(); },
   draws() { return tool === "stroke"; },
   draw(x, y, first, more) {
-    if (first && !more) stroke = [];
+    if (first && !more) [stroke, settled] = [[], { count: 0, points: [] }];
     const [eye, direction] = camera.ray(x, y), length = camera.distance;
     stroke.push({ ray: world([eye, direction]), at: eye.map((e, i) => e + length * direction[i]) });
     redraw();
