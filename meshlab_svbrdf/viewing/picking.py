@@ -27,6 +27,9 @@ def warm(session: Session) -> None:
         plot_history(session, texel)
         plot_density(session, int(session.labels[texel]))
         maps.project_frame(session.scene, 0)
+        for entry in maps.available(session.scene):
+            if entry["name"] not in ("materials", "frame"):
+                maps.paint(session.scene, entry["name"])
 
 
 def hits(session: Session, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
