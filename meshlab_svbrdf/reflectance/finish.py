@@ -47,7 +47,8 @@ def finish_diffuse(
     radiance, highlight = np.zeros(3), np.zeros_like(diffuse)
     if ambient and len(lights) and np.isfinite(rho_s).any():
         rho, shininess = np.nan_to_num(rho_s), np.nan_to_num(alpha, nan=1.0)
-        open_ = openness(observations, observations.view.normal)
+        view = observations.view
+        open_ = openness(observations.texels, view.faces, view.coefficients, view.normal)
         found = ambient_light(observations, diffuse, material, rho, shininess, tint, lights, open_)
         radiance = found.radiance
         if radiance.any():
