@@ -8,7 +8,8 @@ from analytic import ORIGIN, lamp, look_at, plane, sphere, unit
 
 from meshlab_svbrdf.geometry.mesh import Mesh
 from meshlab_svbrdf.reflectance.microfacet import GGX
-from meshlab_svbrdf.rendering.acquisition import NEGLIGIBLE, AcquisitionRenderer, Appearance
+from meshlab_svbrdf.rendering.acquisition import NEGLIGIBLE, AcquisitionRenderer
+from meshlab_svbrdf.rendering.surface import Appearance
 
 D = np.array([0.2, 0.1, 0.05])
 RHO, ALPHA = 0.4, 30.0
