@@ -7,6 +7,7 @@ from numba import njit
 
 from ..geometry.tangents import tangents
 from ..samples.observations import Observations, sample_luminance, sample_quality
+from .ranks import quantile
 
 SPREAD = 1 / 12 + 1 / 6
 """Pixels², variance per axis of what a sample averages over: a pixel is a box (1/12), and between
@@ -21,7 +22,7 @@ LOOKED_AT = 32
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _footprints(block, view, pixel, out, noise):
-    steps = np.empty(2 * LOOKED_AT)
+    steps = np.empty(2 * LOOKED_AT, np.float32)
     for i in range(block.stop - block.first):
         t = block.first + i
         nx, ny, nz = view.normal[t, 0], view.normal[t, 1], view.normal[t, 2]
@@ -54,7 +55,7 @@ def _footprints(block, view, pixel, out, noise):
         if weight > 0.0:
             out[t, 0], out[t, 1], out[t, 2] = aa / weight, ab / weight, bb / weight
         if count > 0:
-            noise[t] = STEP * np.median(steps[:count]) / np.sqrt(n)
+            noise[t] = STEP * quantile(steps[:count], 0.5) / np.sqrt(n)
 
 
 def footprints(observations: Observations) -> tuple[np.ndarray, np.ndarray]:

@@ -23,6 +23,7 @@ from .fit_samples import is_clipped
 from .lights import Light
 from .phong import cast_shadows, lamps, light_texel
 from .pixel_blur import along_and_across, blurred_lobe, pixel_blur
+from .ranks import quantile
 
 SIGMAS = np.radians([0.25, 0.5, 1.0, 2.0, 4.0])
 """Priors tried: standard deviation of a normal's error per angle, radians."""
@@ -104,7 +105,7 @@ def _predict(
 @njit(cache=True, nogil=True)
 def _weigh(block, view, first, n, half, e, s, h0, w):
     """q · huber of the residuals about their median; the other half of the film gets 0."""
-    center = np.median(e[:n])
+    center = quantile(e[:n], 0.5)
     for j in range(n):
         w[j] = 0.0
         if half != ALL and (2 * j < n) != (half == FIRST):
@@ -135,7 +136,7 @@ def _refine(
     rays, gains = np.empty((count, 3), np.float32), np.empty(count, np.float32)
     coefficients = np.empty(36, np.float32)
     most = longest(block.offsets, 0, block.stop - block.first)
-    e, s, w, test = np.empty(most), np.empty(most), np.empty(most), np.empty(most)
+    e, s, w, test = np.empty(most, np.float32), np.empty(most), np.empty(most), np.empty(most)
     slope, mean = np.empty((most, 3)), np.empty(2)
     normal, start = np.empty(3), np.empty(3)
     u, v = np.empty(3), np.empty(3)

@@ -9,6 +9,7 @@ from numba import njit
 
 from ..samples.observations import Observations, color, sample_luminance, sample_quality
 from .directions import octahedral_cell
+from .ranks import quantile
 
 RINGS = 4
 """Of candidate normals about the texel's own, out to two standard deviations of the prior."""
@@ -102,7 +103,7 @@ def weigh(samples, used, noise, weight):
         first, stop = samples.offsets[t], samples.offsets[t + 1]
         if first == stop:
             continue
-        center = np.median(samples.y[first:stop])
+        center = quantile(samples.y[first:stop], 0.5)
         for j in range(first, stop):
             away = abs(samples.y[j] - center)
             weight[j] = samples.quality[j] * min(1.0, WIDE * noise / max(away, 1e-6))
