@@ -150,7 +150,8 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
         ]
         if parameters.estimator == "joint" and parameters.sharp:
             observations = read_observations(document)
-            diffuse = sharpen(texels, diffuse, *footprints(observations))
+            covered = footprints(observations)
+            diffuse = sharpen(texels, diffuse, covered.covariance, covered.noise)
     elif parameters.estimator == "paper":
         materials = [_bell(document, dense == m, parameters) for m in range(len(ids))]
     else:

@@ -189,7 +189,7 @@ def _diffuse(block, view, threshold, minimum, lit, letter, method, out):
             continue
         red, green, blue, quality = buffer[0, :n], buffer[1, :n], buffer[2, :n], buffer[3, :n]
         ys, ws = buffer[4, :n], buffer[5, :n]
-        read_row(block, view, first, n, red, green, blue, quality)
+        read_row(block, view, first, n, red, green, blue, quality, ws)
         luminances(n, red, green, blue, ys)
         # Bound the diffuse samples
         if method == _STATISTICAL:

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numba import njit
 
 from ..samples.observations import Observations, longest, mirrors
+from ..samples.store import Block
 from .lights import Light
 from .lobes import add_sharp
 from .microfacet import PHONG, Gloss, specular
 from .phong import cast_shadows, lamps, light_texel
 from .power import FAST
 from .ranks import quantile
-from .rows import bounds, luminances, read_row
+from .rows import luminances, read_row
 
 LEAST_SCALE = 0.3
 """Of the residuals, 0..100: the noise of eight bits."""
@@ -72,8 +75,7 @@ def _refit(block, view, material, gloss, tint, bulbs, diffuse):
         if m < 0 or not gloss.facing[m] + gloss.grazing[m] > 0 or not diffuse[t, 0] >= 0:
             continue
         light_texel(view, t, bulbs, coefficients, rays, gains)
-        read_row(block, view, first, n, red, green, blue, quality)
-        bounds(block, view, first, n, bound)
+        read_row(block, view, first, n, red, green, blue, quality, bound)
         mirrors(view, t, block.frame[first : first + n], x, y, z)
         shine[:n] = 0.0
         if gloss.kind[m] == PHONG:
@@ -107,7 +109,8 @@ def refit_diffuse(
     gloss: Gloss,
     tint: np.ndarray,
     lights: list[Light],
-    progress=lambda done, total: None,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+    also: Callable[[Block], None] = lambda block: None,
 ) -> np.ndarray:
     """D of every texel with its material's highlights taken off, (T, 3) float32, linear RGB 0..100.
 
@@ -116,6 +119,7 @@ def refit_diffuse(
     diffuse : (T, 3), the statistical D; it stays where the material has no gloss
     material : (T,) int32, -1 for none
     gloss : of the M materials; tint : (M, 3), the highlights' colours
+    also : what else is to be done with every block, now that it is read
     """
     out = diffuse.astype(np.float32).copy()
     everywhere = np.arange(len(observations.texels))
@@ -123,7 +127,10 @@ def refit_diffuse(
         lights, observations.texels.radius, cast_shadows(observations, everywhere, lights)
     )
     tint = np.asarray(tint, np.float64)
-    observations.store.map(
-        lambda block: _refit(block, observations.view, material, gloss, tint, bulbs, out), progress
-    )
+
+    def work(block: Block) -> None:
+        _refit(block, observations.view, material, gloss, tint, bulbs, out)
+        also(block)
+
+    observations.store.map(work, progress)
     return out

@@ -7,6 +7,7 @@ from numba import njit
 
 from ..geometry.tangents import tangents
 from ..samples.observations import Observations, sample_luminance, sample_quality
+from ..samples.store import Block
 from .ranks import quantile
 
 SPREAD = 1 / 12 + 1 / 6
@@ -58,20 +59,29 @@ def _footprints(block, view, pixel, out, noise):
             noise[t] = STEP * quantile(steps[:count], 0.5) / np.sqrt(n)
 
 
-def footprints(observations: Observations) -> tuple[np.ndarray, np.ndarray]:
+class Footprints:
     """What the frames' pixels cover at each texel, and how certain their mean is.
 
-    Returns
-    -------
     covariance : (T, 3) float32, aa, ab and bb of a symmetric 2×2 matrix in the texel's `tangents`,
         in the mesh's units squared: the mean square of a pixel's side on the surface. A frame's
         pixel seen at the angle θ counts with (distance/f)² across the tilt and that over cos²θ
         along it; the frames weigh by the samples' quality. 0 where there are no samples.
     noise : (T,) float32, standard error of a mean of the samples' luminance, 0..100; 0 for one
     """
-    count = len(observations.texels)
-    covariance, noise = np.zeros((count, 3), np.float32), np.zeros(count, np.float32)
-    observations.store.map(
-        lambda block: _footprints(block, observations.view, observations.pixel, covariance, noise)
-    )
-    return covariance, noise
+
+    def __init__(self, observations: Observations) -> None:
+        count = len(observations.texels)
+        self.observations = observations
+        self.covariance, self.noise = np.zeros((count, 3), np.float32), np.zeros(count, np.float32)
+
+    def look(self, block: Block) -> None:
+        """Fill in a block's texels."""
+        own = self.observations
+        _footprints(block, own.view, own.pixel, self.covariance, self.noise)
+
+
+def footprints(observations: Observations) -> Footprints:
+    """Those of all texels."""
+    found = Footprints(observations)
+    observations.store.map(found.look)
+    return found

@@ -6,17 +6,25 @@ import numpy as np
 from numba import njit
 
 from ..samples.observations import relative_luminance
-from .fit_samples import is_clipped
+from .fit_samples import clips
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def read_row(block, view, first, n, red, green, blue, quality):
-    """Linear RGB, 0..100 of the median exposure, and quality of the samples first..first + n."""
+def read_row(block, view, first, n, red, green, blue, quality, bound):
+    """Colour and quality of the samples first..first + n, and whether they are clipped.
+
+    red, green, blue : (n,) linear, 0..100 of the median exposure; quality : (n,) 0..1
+    bound : (n,) 0 for a clipped sample, whose luminance is a lower bound, −∞ for the others
+    """
     for j in range(n):
-        f, k = block.frame[first + j], first + j
-        red[j] = view.linear[block.rgb[k, 0]] * view.scale[f, 0]
-        green[j] = view.linear[block.rgb[k, 1]] * view.scale[f, 1]
-        blue[j] = view.linear[block.rgb[k, 2]] * view.scale[f, 2]
+        k = first + j
+        f = block.frame[k]
+        r, g, b = (
+            view.linear[block.rgb[k, 0]], view.linear[block.rgb[k, 1]], view.linear[block.rgb[k, 2]]
+        )  # fmt: skip
+        red[j], green[j], blue[j] = r * view.scale[f, 0], g * view.scale[f, 1], b * view.scale[f, 2]
+        clipped = clips(block.quality[k], r, g, b)
+        bound[j] = np.float32(0) if clipped else np.float32(-np.inf)
     for j in range(n):
         quality[j] = np.float32(block.quality[first + j] & 127) / np.float32(127)
 
@@ -26,10 +34,3 @@ def luminances(n, red, green, blue, y):
     """Linear Y (Rec. 709) of a row's colours."""
     for j in range(n):
         y[j] = relative_luminance(red[j], green[j], blue[j])
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def bounds(block, view, first, n, bound):
-    """0 for a clipped sample, whose luminance is a lower bound, and −∞ for the others."""
-    for j in range(n):
-        bound[j] = np.float32(0) if is_clipped(block, view, first + j) else np.float32(-np.inf)
