@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numba import njit
 
+from ..geometry.tangents import tangents
 from ..samples.observations import (
     Observations,
     longest,
@@ -126,6 +127,14 @@ def _variance(e, w, n):
 
 
 @njit(cache=True, nogil=True)
+def _turn(normal, x, y, z):
+    """Add a step to a normal (3,) and make it a unit again."""
+    x, y, z = normal[0] + x, normal[1] + y, normal[2] + z
+    scale = 1.0 / np.sqrt(x * x + y * y + z * z)
+    normal[0], normal[1], normal[2] = x * scale, y * scale, z * scale
+
+
+@njit(cache=True, nogil=True)
 def _refine(
     block, texel, view, pixel, shape, material, rho, alpha, noise, bulbs, sigma, half, normals,
     sums,
@@ -137,9 +146,8 @@ def _refine(
     coefficients = np.empty(36, np.float32)
     most = longest(block.offsets, 0, block.stop - block.first)
     e, s, w, test = np.empty(most, np.float32), np.empty(most), np.empty(most), np.empty(most)
-    slope, mean = np.empty((most, 3)), np.empty(2)
+    slope = np.empty((most, 3))
     normal, start = np.empty(3), np.empty(3)
-    u, v = np.empty(3), np.empty(3)
     for i in range(block.stop - block.first):
         t, first = texel[i], block.offsets[i]
         n = block.offsets[i + 1] - first
@@ -151,57 +159,49 @@ def _refine(
             block, view, pixel, shape, t, first, n, rays, gains, rho[m], alpha[m], e, slope, s,
             normal,
         )  # fmt: skip
-        if s[:n].max() < 3.0 * noise[m]:
+        top = 0.0
+        for j in range(n):
+            top = max(top, s[j])
+        if top < 3.0 * noise[m]:
             continue
         h0 = 1.68 / 1.48 * noise[m]
         if half != ALL:
             _weigh(block, view, first, n, SECOND, e, s, h0, test)
             before = _variance(e, test, n)
         for _ in range(STEPS):
-            # Span the tangent plane, and solve for two angles with each texel's D eliminated
-            if abs(normal[2]) < 0.9:
-                u[0], u[1], u[2] = -normal[1], normal[0], 0.0
-            else:
-                u[0], u[1], u[2] = 0.0, -normal[2], normal[1]
-            u /= np.sqrt((u * u).sum())
-            v[0] = normal[1] * u[2] - normal[2] * u[1]
-            v[1] = normal[2] * u[0] - normal[0] * u[2]
-            v[2] = normal[0] * u[1] - normal[1] * u[0]
+            # Solve for two angles in the tangent plane with each texel's D eliminated
+            ux, uy, uz, vx, vy, vz = tangents(normal[0], normal[1], normal[2])
             _weigh(block, view, first, n, half, e, s, h0, w)
-            sw, se, a, b, c, g0, g1 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-            mean[:] = 0.0
+            sw, se, sp, sq = 0.0, 0.0, 0.0, 0.0
+            a, b, c, g0, g1 = 0.0, 0.0, 0.0, 0.0, 0.0
             for j in range(n):
-                p = slope[j, 0] * u[0] + slope[j, 1] * u[1] + slope[j, 2] * u[2]
-                q = slope[j, 0] * v[0] + slope[j, 1] * v[1] + slope[j, 2] * v[2]
+                p = slope[j, 0] * ux + slope[j, 1] * uy + slope[j, 2] * uz
+                q = slope[j, 0] * vx + slope[j, 1] * vy + slope[j, 2] * vz
                 sw, se = sw + w[j], se + w[j] * e[j]
-                mean[0] += w[j] * p
-                mean[1] += w[j] * q
+                sp, sq = sp + w[j] * p, sq + w[j] * q
                 a, b, c = a + w[j] * p * p, b + w[j] * p * q, c + w[j] * q * q
                 g0, g1 = g0 + w[j] * p * e[j], g1 + w[j] * q * e[j]
             if not sw > 0:
                 break
             prior = (noise[m] / sigma) ** 2
-            away_u = ((normal - start) * u).sum()
-            away_v = ((normal - start) * v).sum()
-            a += prior - mean[0] * mean[0] / sw
-            b -= mean[0] * mean[1] / sw
-            c += prior - mean[1] * mean[1] / sw
-            g0 -= mean[0] * se / sw + prior * away_u
-            g1 -= mean[1] * se / sw + prior * away_v
+            x, y, z = normal[0] - start[0], normal[1] - start[1], normal[2] - start[2]
+            a += prior - sp * sp / sw
+            b -= sp * sq / sw
+            c += prior - sq * sq / sw
+            g0 -= sp * se / sw + prior * (x * ux + y * uy + z * uz)
+            g1 -= sq * se / sw + prior * (x * vx + y * vy + z * vz)
             det = a * c - b * b
             if not det > 0:
                 break
             du, dv = (c * g0 - b * g1) / det, (a * g1 - b * g0) / det
-            length = np.sqrt(du * du + dv * dv)
-            if length > sigma:
-                du, dv = du * sigma / length, dv * sigma / length
-            normal += du * u + dv * v
-            normal /= np.sqrt((normal * normal).sum())
-            away = normal - start
-            length = np.sqrt((away * away).sum())
+            shorter = min(1.0, sigma / max(np.sqrt(du * du + dv * dv), 1e-30))
+            du, dv = du * shorter, dv * shorter
+            _turn(normal, du * ux + dv * vx, du * uy + dv * vy, du * uz + dv * vz)
+            x, y, z = normal[0] - start[0], normal[1] - start[1], normal[2] - start[2]
+            length = np.sqrt(x * x + y * y + z * z)
             if length > 2.0 * sigma:
-                normal = start + away * (2.0 * sigma / length)
-                normal /= np.sqrt((normal * normal).sum())
+                back = 2.0 * sigma / length - 1.0
+                _turn(normal, back * x, back * y, back * z)
             _predict(
                 block, view, pixel, shape, t, first, n, rays, gains, rho[m], alpha[m], e, slope, s,
                 normal,
