@@ -10,7 +10,7 @@ from numba import njit
 from ..samples.observations import Observations, longest, mirrors
 from ..samples.store import Block
 from .lights import Light
-from .lobes import add_sharp
+from .lobes import add_sharp, clear
 from .microfacet import PHONG, Gloss, specular
 from .phong import cast_shadows, lamps, light_texel
 from .power import FAST
@@ -77,7 +77,7 @@ def _refit(block, view, material, gloss, tint, bulbs, diffuse):
         light_texel(view, t, bulbs, coefficients, rays, gains)
         read_row(block, view, first, n, red, green, blue, quality, bound)
         mirrors(view, t, block.frame[first : first + n], x, y, z)
-        shine[:n] = 0.0
+        clear(n, shine)
         if gloss.kind[m] == PHONG:
             add_sharp(x[:n], y[:n], z[:n], rays, gains, gloss.shape[m], gloss.facing[m], shine)
         else:

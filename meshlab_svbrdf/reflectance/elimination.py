@@ -14,7 +14,7 @@ from numba import njit
 
 from ..samples.observations import longest
 from .fit_samples import FitSamples
-from .lobes import NOTHING, add, part, soften, take
+from .lobes import NOTHING, add, clear, part, soften, take
 from .power import FAST
 
 ALPHAS = 2.0 ** (np.arange(34) / 3)
@@ -63,18 +63,19 @@ def _eliminate(first, stop, offsets, material, y, w, mirror, blur, rays, gains, 
             continue
         sums[m, 2] += syy - sy * sy / sw
         blurriest = take(mirror, blur, j, n, columns)
+        nearest = np.inf
         for k in range(lamps):
             least[k] = np.inf
             if gains[i, k] > 0:
                 least[k] = part(columns, n, rays[i, k], u[0, k], u[1, k])
-        start, end = window[m]
-        for a in range(start, end):
+            nearest = min(nearest, least[k])
+        for a in range(window[m, 0], window[m, 1]):
             # Leave the lamps out whose lobes have ended before all of the texel's samples
             reach = NOTHING * (1.0 / ALPHAS[a] + blurriest)
-            if least.min() > reach:
+            if nearest > reach:
                 break
             soften(columns, n, ALPHAS[a], h1, h2, height)
-            phi[:n] = 0.0
+            clear(n, phi)
             for k in range(lamps):
                 if least[k] <= reach:
                     add(n, gains[i, k], h1, h2, height, u[0, k], u[1, k], phi)

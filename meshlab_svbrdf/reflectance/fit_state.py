@@ -13,7 +13,7 @@ from .elimination import Profile, eliminate, profile
 from .evidence import Evidence, weigh_evidence
 from .fit_samples import FitSamples
 from .lights import Light
-from .lobes import add_blurred
+from .lobes import add_blurred, clear
 from .phong import cast_shadows, lamps, light_texels
 from .shadow_edges import alike, kept, shadow_edges
 
@@ -27,7 +27,7 @@ def _predict(
     for i in range(first, stop):
         m, start, end = material[i], offsets[i], offsets[i + 1]
         shine = specular[start:end]
-        shine[:] = 0.0
+        clear(end - start, shine)
         if rho[m] > 0:
             add_blurred(
                 mirror, blur, start, end - start, rays[i], gains[i], alpha[m], scratch, shine

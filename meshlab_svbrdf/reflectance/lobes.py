@@ -45,6 +45,13 @@ def add_sharp(x, y, z, rays, gains, alpha, rho, out):
 
 
 @njit(cache=True, nogil=True)
+def clear(n, out):
+    """0 to out (n,); assigned to a slice it would take seconds to compile."""
+    for j in range(n):
+        out[j] = 0.0
+
+
+@njit(cache=True, nogil=True)
 def take(mirror, blur, first, n, columns):
     """Mirror directions and blur, x y z and bx by bz s₁ s₂, to columns (8, n); the greatest s₁."""
     most = np.float32(0)

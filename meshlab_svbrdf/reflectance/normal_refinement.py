@@ -135,6 +135,46 @@ def _turn(normal, x, y, z):
 
 
 @njit(cache=True, nogil=True)
+def _step(n, e, slope, w, noise, sigma, start, normal):
+    """Move a normal in its tangent plane, the texel's D eliminated; False where nothing tells how.
+
+    sigma : the prior about `start`, of which the normal stays within two
+    """
+    ux, uy, uz, vx, vy, vz = tangents(normal[0], normal[1], normal[2])
+    sw, se, sp, sq = 0.0, 0.0, 0.0, 0.0
+    a, b, c, g0, g1 = 0.0, 0.0, 0.0, 0.0, 0.0
+    for j in range(n):
+        p = slope[j, 0] * ux + slope[j, 1] * uy + slope[j, 2] * uz
+        q = slope[j, 0] * vx + slope[j, 1] * vy + slope[j, 2] * vz
+        sw, se = sw + w[j], se + w[j] * e[j]
+        sp, sq = sp + w[j] * p, sq + w[j] * q
+        a, b, c = a + w[j] * p * p, b + w[j] * p * q, c + w[j] * q * q
+        g0, g1 = g0 + w[j] * p * e[j], g1 + w[j] * q * e[j]
+    if not sw > 0:
+        return False
+    prior = (noise / sigma) ** 2
+    x, y, z = normal[0] - start[0], normal[1] - start[1], normal[2] - start[2]
+    a += prior - sp * sp / sw
+    b -= sp * sq / sw
+    c += prior - sq * sq / sw
+    g0 -= sp * se / sw + prior * (x * ux + y * uy + z * uz)
+    g1 -= sq * se / sw + prior * (x * vx + y * vy + z * vz)
+    det = a * c - b * b
+    if not det > 0:
+        return False
+    du, dv = (c * g0 - b * g1) / det, (a * g1 - b * g0) / det
+    shorter = min(1.0, sigma / max(np.sqrt(du * du + dv * dv), 1e-30))
+    du, dv = du * shorter, dv * shorter
+    _turn(normal, du * ux + dv * vx, du * uy + dv * vy, du * uz + dv * vz)
+    x, y, z = normal[0] - start[0], normal[1] - start[1], normal[2] - start[2]
+    length = np.sqrt(x * x + y * y + z * z)
+    if length > 2.0 * sigma:
+        back = 2.0 * sigma / length - 1.0
+        _turn(normal, back * x, back * y, back * z)
+    return True
+
+
+@njit(cache=True, nogil=True)
 def _refine(
     block, texel, view, pixel, shape, material, rho, alpha, noise, bulbs, sigma, half, normals,
     sums,
@@ -155,57 +195,27 @@ def _refine(
         light_texel(view, t, bulbs, coefficients, rays, gains)
         for axis in range(3):
             start[axis] = normal[axis] = view.normal[t, axis]
-        _predict(
-            block, view, pixel, shape, t, first, n, rays, gains, rho[m], alpha[m], e, slope, s,
-            normal,
-        )  # fmt: skip
-        top = 0.0
-        for j in range(n):
-            top = max(top, s[j])
-        if top < 3.0 * noise[m]:
-            continue
-        h0 = 1.68 / 1.48 * noise[m]
-        if half != ALL:
-            _weigh(block, view, first, n, SECOND, e, s, h0, test)
-            before = _variance(e, test, n)
-        for _ in range(STEPS):
-            # Solve for two angles in the tangent plane with each texel's D eliminated
-            ux, uy, uz, vx, vy, vz = tangents(normal[0], normal[1], normal[2])
-            _weigh(block, view, first, n, half, e, s, h0, w)
-            sw, se, sp, sq = 0.0, 0.0, 0.0, 0.0
-            a, b, c, g0, g1 = 0.0, 0.0, 0.0, 0.0, 0.0
-            for j in range(n):
-                p = slope[j, 0] * ux + slope[j, 1] * uy + slope[j, 2] * uz
-                q = slope[j, 0] * vx + slope[j, 1] * vy + slope[j, 2] * vz
-                sw, se = sw + w[j], se + w[j] * e[j]
-                sp, sq = sp + w[j] * p, sq + w[j] * q
-                a, b, c = a + w[j] * p * p, b + w[j] * p * q, c + w[j] * q * q
-                g0, g1 = g0 + w[j] * p * e[j], g1 + w[j] * q * e[j]
-            if not sw > 0:
-                break
-            prior = (noise[m] / sigma) ** 2
-            x, y, z = normal[0] - start[0], normal[1] - start[1], normal[2] - start[2]
-            a += prior - sp * sp / sw
-            b -= sp * sq / sw
-            c += prior - sq * sq / sw
-            g0 -= sp * se / sw + prior * (x * ux + y * uy + z * uz)
-            g1 -= sq * se / sw + prior * (x * vx + y * vy + z * vz)
-            det = a * c - b * b
-            if not det > 0:
-                break
-            du, dv = (c * g0 - b * g1) / det, (a * g1 - b * g0) / det
-            shorter = min(1.0, sigma / max(np.sqrt(du * du + dv * dv), 1e-30))
-            du, dv = du * shorter, dv * shorter
-            _turn(normal, du * ux + dv * vx, du * uy + dv * vy, du * uz + dv * vz)
-            x, y, z = normal[0] - start[0], normal[1] - start[1], normal[2] - start[2]
-            length = np.sqrt(x * x + y * y + z * z)
-            if length > 2.0 * sigma:
-                back = 2.0 * sigma / length - 1.0
-                _turn(normal, back * x, back * y, back * z)
+        h0, before, shown = 1.68 / 1.48 * noise[m], 0.0, True
+        for step in range(STEPS + 1):
             _predict(
                 block, view, pixel, shape, t, first, n, rays, gains, rho[m], alpha[m], e, slope, s,
                 normal,
             )  # fmt: skip
+            if step == 0:
+                top = 0.0
+                for j in range(n):
+                    top = max(top, s[j])
+                shown = top >= 3.0 * noise[m]
+                if shown and half != ALL:
+                    _weigh(block, view, first, n, SECOND, e, s, h0, test)
+                    before = _variance(e, test, n)
+            if not shown or step == STEPS:
+                break
+            _weigh(block, view, first, n, half, e, s, h0, w)
+            if not _step(n, e, slope, w, noise[m], sigma, start, normal):
+                break
+        if not shown:
+            continue
         if half != ALL:
             sums[0] += before
             sums[1] += _variance(e, test, n)
