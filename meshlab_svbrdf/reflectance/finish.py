@@ -8,7 +8,7 @@ import numpy as np
 
 from ..samples.observations import Observations
 from .ambient import ambient_light, highlight_share, openness
-from .footprint import footprints
+from .footprint import Footprints
 from .lights import Light
 from .sharpen import sharpen
 
@@ -37,11 +37,12 @@ def finish_diffuse(
     lights: list[Light],
     *,
     ambient: bool = True,
-    sharp: bool = True,
+    covered: Footprints | None = None,
 ) -> Finished:
     """Take both out of D, (T, 3) with the lamps' lobes off.
 
     material : (T,) int32, -1 for none; rho_s, alpha : (M,), NaN where unobserved; tint : (M, 3)
+    covered : what the pixels cover, whose blur is to be taken out; None: it stays
     """
     notes: list[str] = []
     radiance, highlight = np.zeros(3), np.zeros_like(diffuse)
@@ -60,6 +61,6 @@ def finish_diffuse(
         else:
             notes.append("no ambient light is seen")
     diffuse = diffuse - highlight
-    if sharp:
-        diffuse = sharpen(observations.texels, diffuse, *footprints(observations))
+    if covered is not None:
+        diffuse = sharpen(observations.texels, diffuse, covered.covariance, covered.noise)
     return Finished(diffuse, radiance, highlight, notes)

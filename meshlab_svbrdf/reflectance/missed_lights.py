@@ -143,7 +143,7 @@ def complete_lights(
     turn: np.ndarray,
     footprint: float,
     *,
-    samples: int = 3_000_000,
+    samples: int = 1_500_000,
     curvature: float = 0.8,
     **options,
 ) -> tuple[list[Light], dict | None, list[str]]:
@@ -165,7 +165,7 @@ def complete_lights(
 
     def fitted(guess: list[Light]) -> JointFit:
         return fit(
-            observations, material, guess, turn, footprint, samples=samples // 5,
+            observations, material, guess, turn, footprint, samples=samples // 3,
             curvature=curvature, **options,
         )  # fmt: skip
 
@@ -208,7 +208,7 @@ def _others(
     rho, alpha = np.nan_to_num(rho), np.nan_to_num(alpha, nan=1.0)
     limits = flat_limits(np.maximum(alpha, FIRST_ALPHA), curvature, footprint)
     counts = observations.store.counts()
-    chosen, _ = choose_texels(material, counts, turn, limits, samples // 15, offset=1)
+    chosen, _ = choose_texels(material, counts, turn, limits, samples // 8, offset=1)
     taken = collect(observations, chosen, material[chosen])
     state = FitState(observations, taken, len(rho), pool)
     state.light(found.lights)

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numba import njit
 
+from ..geometry.tangents import tangents
 from ..samples.observations import (
     Observations,
     longest,
@@ -23,6 +24,7 @@ from .fit_samples import is_clipped
 from .lights import Light
 from .phong import cast_shadows, lamps, light_texel
 from .pixel_blur import along_and_across, blurred_lobe, pixel_blur
+from .ranks import quantile
 
 SIGMAS = np.radians([0.25, 0.5, 1.0, 2.0, 4.0])
 """Priors tried: standard deviation of a normal's error per angle, radians."""
@@ -104,7 +106,7 @@ def _predict(
 @njit(cache=True, nogil=True)
 def _weigh(block, view, first, n, half, e, s, h0, w):
     """q · huber of the residuals about their median; the other half of the film gets 0."""
-    center = np.median(e[:n])
+    center = quantile(e[:n], 0.5)
     for j in range(n):
         w[j] = 0.0
         if half != ALL and (2 * j < n) != (half == FIRST):
@@ -125,6 +127,54 @@ def _variance(e, w, n):
 
 
 @njit(cache=True, nogil=True)
+def _turn(normal, x, y, z):
+    """Add a step to a normal (3,) and make it a unit again."""
+    x, y, z = normal[0] + x, normal[1] + y, normal[2] + z
+    scale = 1.0 / np.sqrt(x * x + y * y + z * z)
+    normal[0], normal[1], normal[2] = x * scale, y * scale, z * scale
+
+
+@njit(cache=True, nogil=True)
+def _step(n, e, slope, w, noise, sigma, start, normal):
+    """Move a normal in its tangent plane, the texel's D eliminated; False where nothing tells how.
+
+    sigma : the prior about `start`, of which the normal stays within two
+    """
+    ux, uy, uz, vx, vy, vz = tangents(normal[0], normal[1], normal[2])
+    sw, se, sp, sq = 0.0, 0.0, 0.0, 0.0
+    a, b, c, g0, g1 = 0.0, 0.0, 0.0, 0.0, 0.0
+    for j in range(n):
+        p = slope[j, 0] * ux + slope[j, 1] * uy + slope[j, 2] * uz
+        q = slope[j, 0] * vx + slope[j, 1] * vy + slope[j, 2] * vz
+        sw, se = sw + w[j], se + w[j] * e[j]
+        sp, sq = sp + w[j] * p, sq + w[j] * q
+        a, b, c = a + w[j] * p * p, b + w[j] * p * q, c + w[j] * q * q
+        g0, g1 = g0 + w[j] * p * e[j], g1 + w[j] * q * e[j]
+    if not sw > 0:
+        return False
+    prior = (noise / sigma) ** 2
+    x, y, z = normal[0] - start[0], normal[1] - start[1], normal[2] - start[2]
+    a += prior - sp * sp / sw
+    b -= sp * sq / sw
+    c += prior - sq * sq / sw
+    g0 -= sp * se / sw + prior * (x * ux + y * uy + z * uz)
+    g1 -= sq * se / sw + prior * (x * vx + y * vy + z * vz)
+    det = a * c - b * b
+    if not det > 0:
+        return False
+    du, dv = (c * g0 - b * g1) / det, (a * g1 - b * g0) / det
+    shorter = min(1.0, sigma / max(np.sqrt(du * du + dv * dv), 1e-30))
+    du, dv = du * shorter, dv * shorter
+    _turn(normal, du * ux + dv * vx, du * uy + dv * vy, du * uz + dv * vz)
+    x, y, z = normal[0] - start[0], normal[1] - start[1], normal[2] - start[2]
+    length = np.sqrt(x * x + y * y + z * z)
+    if length > 2.0 * sigma:
+        back = 2.0 * sigma / length - 1.0
+        _turn(normal, back * x, back * y, back * z)
+    return True
+
+
+@njit(cache=True, nogil=True)
 def _refine(
     block, texel, view, pixel, shape, material, rho, alpha, noise, bulbs, sigma, half, normals,
     sums,
@@ -135,10 +185,9 @@ def _refine(
     rays, gains = np.empty((count, 3), np.float32), np.empty(count, np.float32)
     coefficients = np.empty(36, np.float32)
     most = longest(block.offsets, 0, block.stop - block.first)
-    e, s, w, test = np.empty(most), np.empty(most), np.empty(most), np.empty(most)
-    slope, mean = np.empty((most, 3)), np.empty(2)
+    e, s, w, test = np.empty(most, np.float32), np.empty(most), np.empty(most), np.empty(most)
+    slope = np.empty((most, 3))
     normal, start = np.empty(3), np.empty(3)
-    u, v = np.empty(3), np.empty(3)
     for i in range(block.stop - block.first):
         t, first = texel[i], block.offsets[i]
         n = block.offsets[i + 1] - first
@@ -146,65 +195,27 @@ def _refine(
         light_texel(view, t, bulbs, coefficients, rays, gains)
         for axis in range(3):
             start[axis] = normal[axis] = view.normal[t, axis]
-        _predict(
-            block, view, pixel, shape, t, first, n, rays, gains, rho[m], alpha[m], e, slope, s,
-            normal,
-        )  # fmt: skip
-        if s[:n].max() < 3.0 * noise[m]:
-            continue
-        h0 = 1.68 / 1.48 * noise[m]
-        if half != ALL:
-            _weigh(block, view, first, n, SECOND, e, s, h0, test)
-            before = _variance(e, test, n)
-        for _ in range(STEPS):
-            # Span the tangent plane, and solve for two angles with each texel's D eliminated
-            if abs(normal[2]) < 0.9:
-                u[0], u[1], u[2] = -normal[1], normal[0], 0.0
-            else:
-                u[0], u[1], u[2] = 0.0, -normal[2], normal[1]
-            u /= np.sqrt((u * u).sum())
-            v[0] = normal[1] * u[2] - normal[2] * u[1]
-            v[1] = normal[2] * u[0] - normal[0] * u[2]
-            v[2] = normal[0] * u[1] - normal[1] * u[0]
-            _weigh(block, view, first, n, half, e, s, h0, w)
-            sw, se, a, b, c, g0, g1 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-            mean[:] = 0.0
-            for j in range(n):
-                p = slope[j, 0] * u[0] + slope[j, 1] * u[1] + slope[j, 2] * u[2]
-                q = slope[j, 0] * v[0] + slope[j, 1] * v[1] + slope[j, 2] * v[2]
-                sw, se = sw + w[j], se + w[j] * e[j]
-                mean[0] += w[j] * p
-                mean[1] += w[j] * q
-                a, b, c = a + w[j] * p * p, b + w[j] * p * q, c + w[j] * q * q
-                g0, g1 = g0 + w[j] * p * e[j], g1 + w[j] * q * e[j]
-            if not sw > 0:
-                break
-            prior = (noise[m] / sigma) ** 2
-            away_u = ((normal - start) * u).sum()
-            away_v = ((normal - start) * v).sum()
-            a += prior - mean[0] * mean[0] / sw
-            b -= mean[0] * mean[1] / sw
-            c += prior - mean[1] * mean[1] / sw
-            g0 -= mean[0] * se / sw + prior * away_u
-            g1 -= mean[1] * se / sw + prior * away_v
-            det = a * c - b * b
-            if not det > 0:
-                break
-            du, dv = (c * g0 - b * g1) / det, (a * g1 - b * g0) / det
-            length = np.sqrt(du * du + dv * dv)
-            if length > sigma:
-                du, dv = du * sigma / length, dv * sigma / length
-            normal += du * u + dv * v
-            normal /= np.sqrt((normal * normal).sum())
-            away = normal - start
-            length = np.sqrt((away * away).sum())
-            if length > 2.0 * sigma:
-                normal = start + away * (2.0 * sigma / length)
-                normal /= np.sqrt((normal * normal).sum())
+        h0, before, shown = 1.68 / 1.48 * noise[m], 0.0, True
+        for step in range(STEPS + 1):
             _predict(
                 block, view, pixel, shape, t, first, n, rays, gains, rho[m], alpha[m], e, slope, s,
                 normal,
             )  # fmt: skip
+            if step == 0:
+                top = 0.0
+                for j in range(n):
+                    top = max(top, s[j])
+                shown = top >= 3.0 * noise[m]
+                if shown and half != ALL:
+                    _weigh(block, view, first, n, SECOND, e, s, h0, test)
+                    before = _variance(e, test, n)
+            if not shown or step == STEPS:
+                break
+            _weigh(block, view, first, n, half, e, s, h0, w)
+            if not _step(n, e, slope, w, noise[m], sigma, start, normal):
+                break
+        if not shown:
+            continue
         if half != ALL:
             sums[0] += before
             sums[1] += _variance(e, test, n)

@@ -158,7 +158,6 @@ def test_finished_and_highlight_together_are_what_was_seen(scene):
     diffuse, sheen = shade(observations, LAMPS, np.full(3, 0.1), material, depth=0.02)
     done = finish_diffuse(
         observations, diffuse.astype(np.float32), material, RHO, ALPHA, np.ones((2, 3)), LAMPS,
-        sharp=False,
     )  # fmt: skip
     np.testing.assert_allclose(done.diffuse + done.highlight, diffuse, rtol=1e-5)
     np.testing.assert_allclose(done.highlight, sheen, rtol=0.05)
@@ -169,9 +168,7 @@ def test_nothing_observed_leaves_diffuse_alone(scene):
     observations, material = scene
     diffuse = np.full((len(material), 3), 30, np.float32)
     none = np.full(2, np.nan)
-    done = finish_diffuse(
-        observations, diffuse, material, none, none, np.ones((2, 3)), [], sharp=False
-    )
+    done = finish_diffuse(observations, diffuse, material, none, none, np.ones((2, 3)), [])
     np.testing.assert_array_equal(done.diffuse, diffuse)
     assert not done.highlight.any()
     assert done.notes == []
