@@ -172,12 +172,20 @@ def render(
     project: Project,
     cameras: Annotated[Path, typer.Option(help="A project whose rasters are the views to render.")],
     output: Annotated[Path, typer.Option("-o", "--output", help="The folder for the images.")],
+    lights: Annotated[
+        Path | None, typer.Option(help="Other lights, a JSON file in the form of lights.json.")
+    ] = None,
+    environment: Annotated[
+        Path | None, typer.Option(help="Other surroundings, an HDR map, latitude-longitude EXR.")
+    ] = None,
+    turn: Annotated[float, typer.Option(help="Degrees by which the surroundings turn.")] = 0.0,
+    exposure: Annotated[float, typer.Option(help="Stops, of other light.")] = 0.0,
     as_json: AsJson = False,
 ) -> None:
-    """Render the object as it was lit, seen from the cameras of another project."""
+    """Render the object as it was lit or under other light, from another project's cameras."""
     from . import commands
 
-    commands.render(project, cameras, output, as_json)
+    commands.render(project, cameras, output, lights, environment, turn, exposure, as_json)
 
 
 app.command()(bench)

@@ -19,9 +19,8 @@ def read_row(block, view, first, n, red, green, blue, quality, bound):
     for j in range(n):
         k = first + j
         f = block.frame[k]
-        r, g, b = (
-            view.linear[block.value[k, 0]], view.linear[block.value[k, 1]], view.linear[block.value[k, 2]]
-        )  # fmt: skip
+        r, g = view.linear[block.value[k, 0]], view.linear[block.value[k, 1]]
+        b = view.linear[block.value[k, 2]]
         red[j], green[j], blue[j] = r * view.scale[f, 0], g * view.scale[f, 1], b * view.scale[f, 2]
         clipped = clips(block.value[k, 3], r, g, b)
         bound[j] = np.float32(0) if clipped else np.float32(-np.inf)

@@ -36,6 +36,12 @@ class Illumination:
     def __len__(self) -> int:
         return len(self.direction)
 
+    def only(self, some: np.ndarray) -> Illumination:
+        """Some of the lights, (L,) bool."""
+        return Illumination(
+            self.direction[some], self.curvature[some], self.color[some], self.soft[some]
+        )
+
 
 def cut_environment(radiance: np.ndarray, count: int = LIGHTS, turn: float = 0.0) -> Illumination:
     """An environment map's light, from about `count` directions, (1/π) ∫ Env dω kept exactly.
