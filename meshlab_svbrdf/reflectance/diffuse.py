@@ -117,7 +117,8 @@ def _cone_with_visibility(lit, coefficients, x, y, z):
     for k in range(len(weights)):
         c, s1, s2 = cosines[k], sines[k] * np.cos(phis[k]), sines[k] * np.sin(phis[k])
         dx, dy, dz = c * x + s1 * ux + s2 * vx, c * y + s1 * uy + s2 * vy, c * z + s1 * uz + s2 * vz
-        g = weights[k] * visibility(True, coefficients, dx, dy, dz)
+        ray = np.float32(dx), np.float32(dy), np.float32(dz)
+        g = weights[k] * visibility(True, coefficients, ray[0], ray[1], ray[2])
         row, col = octahedral_cell(dx, dy, dz, height)
         top += g * probability[row, col]
         bottom += g

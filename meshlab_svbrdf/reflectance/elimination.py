@@ -61,7 +61,8 @@ def _eliminate(first, stop, offsets, material, y, w, mirror, blur, rays, gains, 
         sw, sy, syy = _luminances(n, y[j : j + n], y[j], weight, d)
         if sw <= 0:
             continue
-        sums[m, 2] += syy - sy * sy / sw
+        for a in range(len(ALPHAS)):
+            sums[m, 2, a] += syy - sy * sy / sw
         blurriest = take(mirror, blur, j, n, columns)
         nearest = np.inf
         for k in range(lamps):

@@ -90,7 +90,9 @@ def _correlate(
                     spe += w[j] * p * residual[j]
                     spp += w[j] * p * p
             if spp > 0:
-                seen = rho[m] * visibility(has, coefficients, x, y, z)
+                seen = rho[m] * visibility(
+                    has, coefficients, np.float32(x), np.float32(y), np.float32(z)
+                )
                 n = seen * (spe - sp * se / sw)
                 sums[a, 0] += n
                 sums[a, 1] += seen * seen * (spp - sp * sp / sw)
