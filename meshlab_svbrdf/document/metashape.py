@@ -77,9 +77,9 @@ def _lens(sensor: ET.Element, where: str) -> Lens:
         )
     calibrations = sensor.findall("calibration")
     adjusted = [c for c in calibrations if c.get("class", "adjusted") == "adjusted"]
-    calibration = (adjusted or calibrations or [None])[0]
-    if calibration is None:
+    if not calibrations:
         raise DocumentError(f"{where}: has no calibration; align the photos first")
+    calibration = (adjusted or calibrations)[0]
     size = calibration.find("resolution")
     size = sensor.find("resolution") if size is None else size
 

@@ -118,7 +118,7 @@ def _json(path: Path, text: str) -> list[PickedPoints]:
     where = str(path)
     try:
         content = json.loads(text)
-        entries = content["frames"] if "frames" in content else [content]
+        entries = content.get("frames", [content])
         found = []
         for index, entry in enumerate(entries):
             where = f"{path}: frames[{index}]"

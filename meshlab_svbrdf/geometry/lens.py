@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import cv2
 import numpy as np
@@ -19,6 +20,7 @@ import numpy as np
 from .camera import Camera
 
 COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3")
+NEWTON = 20  # steps; five do for lenses that photographs are taken with
 RIM = 257  # points along each side of a frame whose undistorted places bound the result
 
 
@@ -58,19 +60,43 @@ class Lens:
         return np.column_stack([self.fx * u + self.cx, self.fy * v + self.cy])
 
     def rays(self, pixels: np.ndarray) -> np.ndarray:
-        """The inverse of `distort`, by iteration to 1e-12; NaN where no direction leads there."""
-        pixels = np.ascontiguousarray(pixels, np.float64).reshape(-1, 1, 2)
-        if not len(pixels):
-            return np.zeros((0, 2))
-        stop = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 200, 1e-12)
-        coefficients = np.array(self.coefficients)
-        found = cv2.undistortPointsIter(pixels, self.K, coefficients, None, None, stop)[:, 0]
-        lost = np.linalg.norm(self.distort(found) - pixels[:, 0], axis=1) > 1e-3
+        """The inverse of `distort`, by Newton's steps; NaN where no direction leads there."""
+        pixels = np.asarray(pixels, np.float64).reshape(-1, 2)
+        found = (pixels - [self.cx, self.cy]) / [self.fx, self.fy]
+        for _ in range(NEWTON):
+            wrong = pixels - self.distort(found)
+            J = self._slopes(found) * np.array([self.fx, self.fy])[:, None]
+            det = J[:, 0, 0] * J[:, 1, 1] - J[:, 0, 1] * J[:, 1, 0]
+            det[det == 0] = np.nan
+            step = np.stack(
+                [
+                    J[:, 1, 1] * wrong[:, 0] - J[:, 0, 1] * wrong[:, 1],
+                    J[:, 0, 0] * wrong[:, 1] - J[:, 1, 0] * wrong[:, 0],
+                ],
+                axis=1,
+            )
+            found = found + step / det[:, None]
+        with np.errstate(invalid="ignore"):
+            lost = ~(np.linalg.norm(self.distort(found) - pixels, axis=1) < 1e-6)
         found[lost] = np.nan
         return found
 
-    def undistort_points(self, pixels: np.ndarray, camera: Camera) -> np.ndarray:
-        """Pixels (N, 2) of the lens's frame as pixels of the undistorted one, `camera`'s."""
+    def _slopes(self, rays: np.ndarray) -> np.ndarray:
+        """The derivatives of x', y' by x, y: (N, 2, 2)."""
+        k1, k2, p1, p2, k3 = self.coefficients
+        x, y = rays.T
+        r2 = x * x + y * y
+        radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
+        slope = 2 * (k1 + r2 * (2 * k2 + 3 * r2 * k3))
+        J = np.empty((len(rays), 2, 2))
+        J[:, 0, 0] = radial + slope * x * x + 2 * p1 * y + 6 * p2 * x
+        J[:, 1, 1] = radial + slope * y * y + 6 * p1 * y + 2 * p2 * x
+        J[:, 0, 1] = J[:, 1, 0] = slope * x * y + 2 * p1 * x + 2 * p2 * y
+        return J
+
+    def undistort_points(self, pixels: np.ndarray) -> np.ndarray:
+        """Pixels (N, 2) of the lens's frame as pixels of the undistorted one."""
+        camera = self.pinhole()
         return self.rays(pixels) * [camera.fx, camera.fy] + [camera.cx, camera.cy]
 
     def pinhole(self, R: np.ndarray | None = None, t: np.ndarray | None = None) -> Camera:
@@ -104,13 +130,20 @@ class Lens:
             self.width, self.height, self.fx * scale, self.fy * scale, self.cx, self.cy, R, t
         )
 
-    def undistort(self, image: np.ndarray, camera: Camera) -> np.ndarray:
-        """The frame (H, W) or (H, W, 3) uint8 as `camera`, one of `pinhole`, sees it."""
-        maps = cv2.initUndistortRectifyMap(
-            self.K, np.array(self.coefficients), None, camera.K,
-            (camera.width, camera.height), cv2.CV_16SC2,
-        )  # fmt: skip
-        return cv2.remap(image, *maps, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
+    def undistort(self, image: np.ndarray) -> np.ndarray:
+        """The frame (H, W) or (H, W, 3) uint8 as its `pinhole` camera sees it."""
+        return cv2.remap(image, *_maps(self), cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
+
+
+@lru_cache(maxsize=4)
+def _maps(lens: Lens) -> tuple[np.ndarray, np.ndarray]:
+    """Where each pixel of the undistorted frame lies in the lens's."""
+    camera = lens.pinhole()
+    found = cv2.initUndistortRectifyMap(
+        lens.K, np.array(lens.coefficients), np.eye(3), camera.K,
+        (camera.width, camera.height), cv2.CV_16SC2,
+    )  # fmt: skip
+    return found[0], found[1]
 
 
 def with_coefficients(camera: Camera, coefficients: Sequence[float]) -> Lens:
