@@ -30,9 +30,11 @@ RICH = {
     "enum": "RichString",
     "string": "RichString",
     "path": "RichFileOpen",
+    "paths": "RichString",
     "length": "RichString",
     "points": "RichString",
     "layer": "RichString",
+    "raster": "RichString",
 }
 
 
