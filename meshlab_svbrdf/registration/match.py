@@ -1,0 +1,114 @@
+"""A frame compared with keyframes as they would look from a camera that is nearly right.
+
+The surface has carried the keyframe over, so what is left are a few pixels of motion without turn
+or scale: Lucas and Kanade's tracker finds them however far apart the two cameras are.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from .contrast import normalise, structure
+from .keyframes import CLIPPED, STEEP, Keyframe
+from .surface import Surface, View
+from .warp import warp
+
+WINDOW = 21  # pixels
+LEVELS = 3
+RETURN = 0.7  # pixels by which the way there and back may miss
+OCCLUSION = 0.02  # radii
+CODE_NOISE = 12.0  # codes of normalised contrast by which two views differ anyway
+PIXEL_NOISE = 0.15  # pixels that no contrast takes away
+
+
+@dataclass(frozen=True)
+class Matches:
+    """Features of one keyframe found in one frame.
+
+    keyframe : position in the list of keyframes
+    feature : (n,) of the keyframe; found : (n, 2) pixels of the whole frame
+    whitener : (n, 2, 2), makes a residual's covariance 1
+    """
+
+    keyframe: int
+    feature: np.ndarray
+    found: np.ndarray
+    whitener: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.feature)
+
+    def __getitem__(self, chosen: np.ndarray) -> Matches:
+        return Matches(
+            self.keyframe, self.feature[chosen], self.found[chosen], self.whitener[chosen]
+        )
+
+
+def match(
+    keyframe: Keyframe, position: int, image: np.ndarray, view: View, surface: Surface
+) -> Matches:
+    """The keyframe's features in a frame that `view` describes nearly.
+
+    position : of the keyframe in its list
+    image : (h, w) uint8, the whole frame
+    """
+    crop = np.ascontiguousarray(view.crop(image))
+    carried, valid = warp(keyframe.image, keyframe.view, view, OCCLUSION * surface.radius)
+    feature, expected = _expected(keyframe, view, valid, surface)
+    if len(feature) == 0:
+        return Matches(position, feature, expected, np.zeros((0, 2, 2)))
+    predicted, seen = normalise(carried, valid, crop)
+
+    # There and back
+    start = expected.astype(np.float32)
+    size = (WINDOW, WINDOW)
+    there, ok, _ = cv2.calcOpticalFlowPyrLK(
+        predicted, seen, start, None, winSize=size, maxLevel=LEVELS, minEigThreshold=1e-5
+    )
+    back, ok_back, _ = cv2.calcOpticalFlowPyrLK(
+        seen, predicted, there, None, winSize=size, maxLevel=LEVELS, minEigThreshold=1e-5
+    )
+    good = (ok[:, 0] > 0) & (ok_back[:, 0] > 0) & (np.abs(back - start).max(1) < RETURN)
+    good &= (there >= 1).all(1) & (there < np.array(crop.shape)[::-1] - 2).all(1)
+    # A highlight has no position of its own
+    at = np.where(good[:, None], np.rint(there), 0).astype(int)
+    good &= crop[at[:, 1], at[:, 0]] < CLIPPED
+    feature, there, start = feature[good], there[good].astype(float), start[good]
+    return Matches(
+        position, feature, there + [view.left, view.top], _whitener(predicted, start)
+    )  # fmt: skip
+
+
+def _expected(keyframe: Keyframe, view: View, valid: np.ndarray, surface: Surface):
+    """Features that the view sees well, (n,), and where in its crop, (n, 2)."""
+    u, v, z = view.camera.project(keyframe.points).T
+    towards = view.camera.center - keyframe.points
+    facing = np.einsum("ni,ni->n", keyframe.normals, towards) > STEEP * np.linalg.norm(
+        towards, axis=1
+    )
+    h, w = valid.shape
+    ok = facing & (z > 0) & (u >= 1) & (v >= 1) & (u < w - 2) & (v < h - 2)
+    index = np.flatnonzero(ok)
+    row, col = np.rint(v[ok]).astype(int), np.rint(u[ok]).astype(int)
+    inside = cv2.distanceTransform(valid, cv2.DIST_L2, 3)
+    depth = view.inverse_depth[row, col]
+    ok = (inside[row, col] >= WINDOW / 3) & (view.inside[row, col] >= WINDOW / 4) & (depth > 0)
+    ok[ok] = np.abs(z[index[ok]] - 1 / depth[ok]) < OCCLUSION * surface.radius
+    index = index[ok]
+    return index, np.column_stack([u[index], v[index]])
+
+
+def _whitener(predicted: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """From the structure of the picture around each place (n, 2): along an edge little is known."""
+    products = structure(predicted, WINDOW)
+    xx, xy, yy = (
+        cv2.remap(p, at[:, None], None, cv2.INTER_LINEAR)[:, 0].astype(float) for p in products
+    )
+    values, vectors = np.linalg.eigh(
+        np.stack([np.stack([xx, xy], 1), np.stack([xy, yy], 1)], 1) * WINDOW**2
+    )
+    sigma = np.sqrt(CODE_NOISE**2 / np.maximum(values, 1e-3) + PIXEL_NOISE**2)
+    return np.einsum("nij,nj,nkj->nik", vectors, 1 / sigma, vectors)

@@ -1,0 +1,101 @@
+"""The mesh as frames see it: depth where the object is, and what lies safely on its surface."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from ..geometry.camera import Camera
+from ..geometry.mesh import Mesh
+from ..geometry.raster import rasterise_depth
+
+JUMP = 0.03  # depth step between neighbouring pixels that counts as a jump, in radii
+
+
+@dataclass(frozen=True)
+class View:
+    """The part of an image in which the object may be, and its depth there.
+
+    camera : of the crop, about the surface's centre
+    left, top : the crop's first column and row in the whole image
+    inverse_depth : (h, w) float32, 1/z; 0 where nothing is seen
+    inside : (h, w) float32, pixels to the nearest depth jump, silhouette or border of the image
+    """
+
+    camera: Camera
+    left: int
+    top: int
+    inverse_depth: np.ndarray
+    inside: np.ndarray
+
+    def crop(self, image: np.ndarray) -> np.ndarray:
+        """This part of a whole image."""
+        h, w = self.inverse_depth.shape
+        return image[self.top : self.top + h, self.left : self.left + w]
+
+
+class Surface:
+    """A mesh prepared for many renderings; its points are held about the mesh's centre."""
+
+    def __init__(self, vertices: np.ndarray, faces: np.ndarray) -> None:
+        self.mesh = Mesh(np.asarray(vertices, float), np.ascontiguousarray(faces, np.int32))
+        self.center, self.radius = self.mesh.center, self.mesh.radius
+        self.vertices, self.faces = self.mesh.vertices - self.center, self.mesh.faces
+        self.front = -self.mesh.winding() if self.mesh.is_closed() else 0
+        low, high = self.vertices.min(0), self.vertices.max(0)
+        self.box = np.stack(np.meshgrid(*np.stack([low, high], 1)), -1).reshape(-1, 3)
+
+    def view(self, camera: Camera, jumps: bool = True) -> View | None:
+        """What a camera about the centre sees; None where the object is out of its sight.
+
+        jumps : find depth jumps; else `inside` is left empty
+        """
+        left, top, right, bottom = _window(camera, self.box)
+        if right - left < 2 or bottom - top < 2:
+            return None
+        camera = camera.cropped(left, top, right, bottom)
+        inverse_depth = rasterise_depth(self.vertices, self.faces, camera, self.front)
+        inside = np.zeros((0, 0), np.float32)
+        if jumps:
+            smooth = _smooth(inverse_depth, JUMP * self.radius)
+            inside = cv2.distanceTransform(smooth, cv2.DIST_L2, 3)
+        return View(camera, left, top, inverse_depth, inside)
+
+    def visible_vertices(self, camera: Camera) -> np.ndarray:
+        """Vertices (n, 3), about the centre, that a camera about the centre sees."""
+        view = self.view(camera, jumps=False)
+        if view is None:
+            return np.zeros((0, 3))
+        u, v, z = view.camera.project(self.vertices).T
+        h, w = view.inverse_depth.shape
+        ok = (z > 0) & (u > -0.5) & (v > -0.5) & (u < w - 0.5) & (v < h - 0.5)
+        index = np.flatnonzero(ok)
+        seen = view.inverse_depth[np.rint(v[ok]).astype(int), np.rint(u[ok]).astype(int)]
+        with np.errstate(divide="ignore"):
+            return self.vertices[index[(seen > 0) & (z[ok] - 1 / seen < 0.01 * self.radius)]]
+
+
+def _smooth(inverse_depth: np.ndarray, step: float) -> np.ndarray:
+    """1 where surface is seen and no neighbour is nearer or farther by `step`, (h, w) uint8."""
+    kernel = np.ones((3, 3), np.uint8)
+    near = cv2.dilate(inverse_depth, kernel)
+    far = cv2.erode(inverse_depth, kernel, borderType=cv2.BORDER_CONSTANT, borderValue=0)
+    smooth = (far > 0) & (near - far <= step * near * far)
+    # The image's border: what lies beyond is unknown
+    smooth[[0, -1]], smooth[:, [0, -1]] = False, False
+    return smooth.view(np.uint8)
+
+
+def _window(camera: Camera, box: np.ndarray) -> tuple[int, int, int, int]:
+    """Left, top, right, bottom of the image's pixels (half open) that a box's corners enclose."""
+    u, v, z = camera.project(box).T
+    if z.min() <= 0:
+        return 0, 0, camera.width, camera.height
+    left, top = (max(int(np.floor(min(x.min(), 1e9))) - 1, 0) for x in (u, v))
+    right, bottom = (
+        min(int(np.ceil(max(x.max(), -1e9))) + 2, size)
+        for x, size in ((u, camera.width), (v, camera.height))
+    )
+    return left, top, right, bottom
