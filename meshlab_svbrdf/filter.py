@@ -24,7 +24,8 @@ from .errors import SvbrdfError
 Namespace = SimpleNamespace
 
 KINDS = (
-    "bool", "int", "float", "enum", "string", "path", "paths", "length", "points", "layer", "raster",
+    "bool", "int", "float", "enum", "string", "path", "paths", "length", "points", "layer",
+    "rasters",
 )  # fmt: skip
 INPUTS = ("mesh", "rasters")  # what a filter may need besides other filters' products
 
@@ -51,7 +52,7 @@ class Parameter:
         length (a float in world units, or "2%" / PercentageValue of the bounding box's diagonal),
         points ((N, 3) float64, in a script or shell "x y z; x y z"),
         layer (a label; the layer's mesh counts as an input of the filter),
-        raster (a label; the raster's camera and file count as inputs)
+        rasters (labels, "a; b"; their cameras and files count as inputs)
     default, minimum, maximum : in `unit`; the limits belong to int, float and length
     help : what it does and how to choose it
     """
@@ -104,7 +105,7 @@ class Parameter:
             "path": "the path of a file",
             "paths": 'paths of files, "a; b"',
             "layer": "the label of a layer",
-            "raster": "the label of a raster",
+            "rasters": 'labels of rasters, "a; b"',
             "length": 'a length in world units or "2%" of the bounding box\'s diagonal',
             "points": 'points of three numbers each, "x y z; x y z"',
         }[self.kind]
@@ -148,7 +149,7 @@ class Parameter:
         return value if isinstance(value, str) else _WRONG
 
     _layer = _string
-    _raster = _string
+    _rasters = _string
 
     def _path(self, value: Any) -> Any:
         if value is None or value == "":

@@ -34,7 +34,7 @@ RICH = {
     "length": "RichString",
     "points": "RichString",
     "layer": "RichString",
-    "raster": "RichString",
+    "rasters": "RichString",
 }
 
 

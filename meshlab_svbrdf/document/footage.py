@@ -20,6 +20,7 @@ from ..errors import DocumentError
 from ..geometry.lens import Lens
 from ..progress import Progress
 from .images import read_frame
+from .project_entries import absolute
 from .video import VideoReader
 from .video_file import frame_times
 from .video_names import VideoFrame, name_frame
@@ -111,7 +112,7 @@ def open_video(path: Path, known: Mapping[str, VideoFrame] | None = None) -> Cli
 
     Raises DocumentError as `frame_times` does.
     """
-    path = path.absolute()
+    path = absolute(path)
     times = frame_times(path)
     reader = VideoReader(path, times[:1])
     height, width = reader.read(times[0]).shape[:2]
@@ -128,7 +129,7 @@ def open_images(folder: Path) -> Clip:
     ------
     DocumentError : no such folder, no images, or images of different sizes.
     """
-    folder = folder.absolute()
+    folder = folder.resolve()
     if not folder.is_dir():
         raise DocumentError(f"{folder}: is no folder; give the folder of the images")
     files = sorted(

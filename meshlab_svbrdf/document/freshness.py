@@ -24,7 +24,7 @@ from .frames import file_stamp
 from .images import texture_files
 from .record import ResultFolder, digest
 
-RASTER = "raster "  # before a label: one that a parameter of the kind "raster" names
+RASTER = "raster "  # before a label: one that a parameter of the kind "rasters" names
 HUGE = 100_000_000  # bytes: larger files count by name, size and date
 LAYER = "layer "  # before a label: an input that a parameter of the kind "layer" names
 
@@ -83,8 +83,9 @@ class Freshness:
             label = getattr(parameters, parameter.name)
             if parameter.kind == "layer" and label:
                 keys[LAYER + label] = self._layer(label)
-            elif parameter.kind == "raster" and label:
-                keys[RASTER + label] = self._raster(label)
+            elif parameter.kind == "rasters":
+                for each in split_labels(label):
+                    keys[RASTER + each] = self._raster(each)
         for need in filter.needs_with(parameters):
             if need in INPUTS:
                 keys[need] = self._inputs[need]()
@@ -115,6 +116,11 @@ class Freshness:
             and all((self._results.path / file).exists() for file in self._products[name]["files"])
             for name in filter.writes
         )
+
+
+def split_labels(text: str) -> list[str]:
+    """The labels of "a; b"."""
+    return [label.strip() for label in text.split(";") if label.strip()]
 
 
 def filter_key(filter: Filter, parameters: Namespace, inputs: dict[str, str]) -> str:

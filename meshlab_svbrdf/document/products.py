@@ -126,6 +126,10 @@ class Products:
         """Stage a text file at the folder's top (registration.csv)."""
         self._stage(name).write_text(text, encoding="utf-8")
 
+    def staged_file(self, entry: str) -> Path:
+        """Where to write a file of any other kind, by its place in the folder."""
+        return self._stage(entry)
+
     # Images
 
     def map(self, name: str, kind: ImageKind = "exr") -> list[np.ndarray]:

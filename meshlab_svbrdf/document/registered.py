@@ -89,6 +89,10 @@ def report_csv(clips: list[dict[str, Any]]) -> str:
     return stream.getvalue()
 
 
+def _digits(value: float, digits: int) -> str:
+    return f"{value:.{digits}g}" if np.isfinite(value) else ""
+
+
 def undistorted_entry(source: Path, file: Path) -> str:
     """Where in NAME.svbrdf the undistorted image of a folder's `file` lies."""
     return f"{UNDISTORTED}/{source.name}/{file.stem}.jpg"
