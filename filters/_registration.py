@@ -112,9 +112,9 @@ def stage(
             f"none of {len(frames)} frames could be registered ({first['label']}: "
             f"{first['reason']}); see to the start, or lower threshold"
         )
-    document.set_rasters({"format": FORMAT, "clips": clips, **notes})
-    document.set_text("registration.csv", report_csv(clips))
-    document.set_image("registration", _sheet(clips, pictures, mesh, progress), kind="png")
+    name = document.set_rasters({"format": FORMAT, "clips": clips, **notes})
+    document.set_text(f"{name}.csv", report_csv(clips))
+    document.set_image(name, _sheet(clips, pictures, mesh, progress), kind="png")
 
     # Say what became of the frames
     residual = [f["residual"] for f in used if np.isfinite(f["residual"])]
@@ -123,7 +123,7 @@ def stage(
         said += f", residual {np.median(residual):.2f} px (median), {max(residual):.2f} (largest)"
     if out:
         named = ", ".join(f"{f['label']} ({f['reason']})" for f in out[:NAMED])
-        more = f" and {len(out) - NAMED} more in registration.csv" if len(out) > NAMED else ""
+        more = f" and {len(out) - NAMED} more in {name}.csv" if len(out) > NAMED else ""
         said += f"; left out: {named}{more}"
     return said
 

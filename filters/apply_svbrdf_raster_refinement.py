@@ -34,8 +34,8 @@ FILTER = Filter(
         ),
         *REPORT,
     ),
-    help="Refines the cameras of all rasters against the mesh. Rasters that MeshLab has not aligned "
-    "yet (they stand at the world's origin) are registered from the aligned ones of their "
+    help="Refines the cameras of all rasters against the mesh. Rasters that are not aligned yet "
+    "(MeshLab sets them at the world's origin) are registered from the aligned ones of their "
     "sequence. Rasters that cannot be relied on are named, and taken out of the project.",
 )  # fmt: skip
 

@@ -28,8 +28,8 @@ FILTER = Filter(
     parameters=(
         Parameter(
             "cameras", "path", "",
-            help="The folder of a COLMAP model (text or binary), Bundler's bundle.out with list.txt "
-            "beside it, Metashape's cameras.xml, a cameras.json, or a MeshLab project.",
+            help="The folder of a COLMAP model (text or binary), Bundler's bundle.out with its "
+            "list.txt, Metashape's cameras.xml, a cameras.json, or a MeshLab project.",
         ),
         *FOOTAGE,
         Parameter(

@@ -9,7 +9,7 @@ import json
 import logging
 import sys
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
@@ -181,13 +181,24 @@ def _planned(
     return made.steps
 
 
-def _run(document: Document, steps: list[Step], force: bool, as_json: bool) -> None:
-    """Run the steps and save; what was finished is saved even if a later step fails."""
+def _run(
+    document: Document,
+    steps: list[Step],
+    force: bool,
+    as_json: bool,
+    later: Callable[[], list[Step]] = list,
+) -> None:
+    """Run the steps and save; what was finished is saved even if a later step fails.
+
+    later : gives further steps when these are done: a plan needs the rasters that they place
+    """
     if not compiled():
         errors.print("compiling kernels, this happens once and takes a minute or two…")
     with _stages(as_json, document) as (say, show):
         try:
             for outcome in run_script(document, steps, force=force, show=show):
+                say(outcome)
+            for outcome in run_script(document, later(), force=force, show=show):
                 say(outcome)
         finally:
             interrupted = isinstance(sys.exception(), KeyboardInterrupt)

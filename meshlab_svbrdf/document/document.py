@@ -38,6 +38,7 @@ from .views import OBJECT, write_views
 log = logging.getLogger("meshlab_svbrdf")
 
 PROJECTS = (".mlp", ".mlb")
+MESHES = (".ply", ".obj")
 RESULTS = ".svbrdf"
 HELD_OUT = slice(3, None, 8)  # every 8th frame by name, starting with the 4th
 
@@ -92,6 +93,23 @@ class Document(Products):
     def new(cls, path: str | Path) -> Document:
         """A document without layers and rasters, to be saved as `path`."""
         return cls(new_project(), Path(path).absolute())
+
+    @classmethod
+    def of_mesh(cls, path: str | Path, output: str | Path) -> Document:
+        """A document whose only layer is a mesh file; output : as for `open`.
+
+        Raises DocumentError where the file is no PLY or OBJ.
+        """
+        path = Path(path).absolute()
+        if path.suffix.lower() not in MESHES:
+            raise DocumentError(
+                f"{path}: expected a MeshLab project (.mlp, .mlb) or a mesh ({', '.join(MESHES)}); "
+                "open other meshes in MeshLab and save a project"
+            )
+        document = cls.new(place(path, output))
+        document.layers.append(Layer(path.stem, path))
+        document.layers[0].read()
+        return document
 
     @property
     def name(self) -> str:
@@ -163,14 +181,16 @@ class Document(Products):
         with self.results.locked():
             return add_video(self.project, self.folder, Path(path), cameras, exposure, lens)
 
-    def set_rasters(self, told: dict[str, Any]) -> None:
+    def set_rasters(self, told: dict[str, Any]) -> str:
         """Stage rasters, as `registered` tells them; the project has them when `apply` returned.
 
         NAME.json holds them, where NAME is the first product of the filter: a run that finds it
-        unchanged brings them again.
+        unchanged brings them again. Returns NAME.
         """
-        self.set_json(self._writing_now().products[0], told)
+        name = self._writing_now().products[0]
+        self.set_json(name, told)
         self._placing = told
+        return name
 
     def _bring_rasters(self, filter: Filter) -> bool:
         """Rasters of an unchanged filter that a project read anew has not; False: they cannot be.
