@@ -21,21 +21,23 @@ from .pose import OUTLIER, moved, pixel_motion, point_motion
 from .surface import Surface
 
 ROUNDS = 15
+WIDEST = 30.0  # standard deviations at which weights fall at first: loops may have come apart
 DAMPING = 1e-6  # of the diagonal: holds cameras that nothing ties
-DONE = 0.01  # pixels of motion below which nothing changes any more
+LIFT = 4  # rounds after which features are lifted to the surface anew
+DONE = 0.02  # standard deviations of motion below which nothing changes any more
 
 
 @dataclass(frozen=True)
 class Adjusted:
     """Cameras after the adjustment.
 
-    matches : per frame, the inliers
-    residual, uncertainty : per frame, pixels: RMS of the inliers, and RMS error to be expected
+    inliers, residual, uncertainty : per frame: how many matches agree; RMS of those, and RMS error to be
+        expected, pixels
     """
 
     cameras: dict[int, Camera]
     keyframes: list[Keyframe]
-    matches: dict[int, list[Matches]]
+    inliers: dict[int, int]
     residual: dict[int, float]
     uncertainty: dict[int, float]
 
@@ -86,8 +88,8 @@ def adjust(
     """
     cameras, keyframes = dict(cameras), list(keyframes)
     order = {frame: at for at, frame in enumerate(cameras)}
-    scale = 1.0
-    for _ in range(ROUNDS):
+    scale, width = 1.0, WIDEST
+    for turn in range(ROUNDS):
         system = _System(len(order), free_focal)
         deviations = []
         for frame, found in matches.items():
@@ -98,7 +100,7 @@ def adjust(
                 r, own, other, focal = _linear(keyframe, each, cameras[frame], free_focal)
                 deviation = np.linalg.norm(r, axis=1)
                 deviations.append(deviation)
-                weight = 1 / (1 + (deviation / (OUTLIER * scale)) ** 2) ** 2
+                weight = 1 / (1 + (deviation / width) ** 2) ** 2
                 system.add(order[frame], order[keyframe.index], r, own, other, focal, weight)
         if not deviations:
             break
@@ -108,38 +110,38 @@ def adjust(
             camera = moved(cameras[frame], twists[at])
             grown = np.exp(log_focal)
             cameras[frame] = replace(camera, fx=camera.fx * grown, fy=camera.fy * grown)
-        keyframes = [k.with_camera(cameras[k.index], surface) for k in keyframes]
-        if system.motion(twists) < DONE:
+        if turn % LIFT == 0:
+            keyframes = [k.with_camera(cameras[k.index], surface) for k in keyframes]
+        else:
+            keyframes = [k.slid(cameras[k.index]) for k in keyframes]
+        if width == OUTLIER * scale and system.motion(twists) < DONE:
             break
+        width = max(width / 2, OUTLIER * scale)
     return _judged(cameras, keyframes, matches, order, scale)
 
 
 def _judged(cameras, keyframes, matches, order, scale) -> Adjusted:
     """The inliers, and each frame's error with all other cameras held."""
-    kept: dict[int, list[Matches]] = {}
-    residual, uncertainty = {}, {}
+    inliers, residual, uncertainty = {}, {}, {}
     for frame, found in matches.items():
-        kept[frame], errors, A, spread = [], [], np.zeros((6, 6)), []
+        errors, A, spread = [], np.zeros((6, 6)), []
         for each in found:
             r, own, _, _ = _linear(keyframes[each.keyframe], each, cameras[frame], False)
             good = np.linalg.norm(r, axis=1) < OUTLIER * scale
-            kept[frame].append(each[good])
             A += np.einsum("nij,nik->jk", own[good], own[good])
             inverse = np.linalg.inv(each.whitener[good])
             errors.append(np.einsum("nij,nj->ni", inverse, r[good]))
             spread.append(inverse @ own[good])
-        if not errors:
+        inliers[frame] = sum(map(len, errors))
+        if inliers[frame] < 6:
             residual[frame], uncertainty[frame] = float("nan"), float("inf")
             continue
         J, e = np.concatenate(spread), np.concatenate(errors)
-        residual[frame] = float(np.sqrt((e**2).sum(1).mean())) if len(e) else float("nan")
+        residual[frame] = float(np.sqrt((e**2).sum(1).mean()))
         covariance = np.linalg.pinv(A) * scale**2
-        uncertainty[frame] = (
-            float(np.sqrt(np.einsum("nij,jk,nik->", J, covariance, J) / len(J)))
-            if len(J) >= 6
-            else float("inf")
-        )
-    return Adjusted(cameras, keyframes, kept, residual, uncertainty)
+        squared = np.einsum("nij,jk,nik->", J, covariance, J) / len(J)
+        uncertainty[frame] = float(np.sqrt(squared))
+    return Adjusted(cameras, keyframes, inliers, residual, uncertainty)
 
 
 class _System:

@@ -45,18 +45,23 @@ class Keyframe:
         view = surface.view(camera)
         if view is None:
             return replace(self, camera=camera)
-        planes, points, normals, ok = lift(view, self.pixels)
+        *found, ok = lift(view, self.pixels)
         planes, points, normals = (
             np.where(ok[:, None], new, old)
-            for new, old in (
-                (planes, self.planes),
-                (points, self.points),
-                (normals, self.normals),
-            )
+            for new, old in zip(found, (self.planes, self.points, self.normals), strict=True)
         )
-        return replace(
-            self, camera=camera, planes=planes, points=points, normals=normals,
-        )  # fmt: skip
+        return replace(self, camera=camera, planes=planes, points=points, normals=normals)
+
+    def slid(self, camera: Camera) -> Keyframe:
+        """The same where the camera moved so little that the tangent planes are the surface."""
+        ray = (self.pixels - [camera.cx, camera.cy]) / [camera.fx, camera.fy]
+        ray = np.column_stack([ray, np.ones(len(ray))])
+        distance = np.einsum("ni,ni->n", self.normals, self.points)
+        normals = self.normals @ camera.R.T
+        planes = normals / (distance + normals @ camera.t)[:, None]
+        local = ray / np.einsum("ni,ni->n", planes, ray)[:, None]
+        points = (local - camera.t) @ camera.R
+        return replace(self, camera=camera, planes=planes, points=points)
 
     def affinity(self, camera: Camera) -> float:
         """How much of this keyframe another camera sees, and how similarly, 0..1."""
@@ -106,7 +111,7 @@ def _detect(crop: np.ndarray, view: View, count: int) -> np.ndarray:
     surface = (view.inverse_depth > 0).view(np.uint8)
     near_clipped = cv2.dilate((crop >= CLIPPED).view(np.uint8), np.ones((7, 7), np.uint8))
     usable = (view.inside >= MARGIN) & (near_clipped == 0)
-    xx, xy, yy = structure(normalise(crop, surface)[0], 7)
+    xx, xy, yy = structure(normalise(crop, surface), 7)
     half, root = (xx + yy) / 2, np.sqrt(((xx - yy) / 2) ** 2 + xy**2)
     score = np.where(usable, (half - root) + 0.1 * (half + root), 0)
     cell = max(int(np.sqrt(usable.sum() / (1.5 * count))), 5)

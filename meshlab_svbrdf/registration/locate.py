@@ -9,7 +9,7 @@ import numpy as np
 
 from ..geometry.camera import Camera
 from .keyframes import Keyframe
-from .match import Matches, match
+from .match import Matches, match, target
 from .pose import Fit, fit_camera
 from .surface import Surface
 
@@ -17,6 +17,7 @@ KEYFRAMES = 3  # that a frame is compared with
 ROUNDS = 4  # at most: each carries the keyframes over to the camera that the last one found
 SETTLED = 4.0  # pixels of motion between rounds that change no match
 FEWEST = 12  # inliers
+GROSS = 30.0  # standard deviations
 SHARE = 0.25  # of the matches that must agree
 UNSURE = 4.0  # pixels of error that a registered frame may be expected to have
 FAINT = 0.02  # affinity below which a keyframe is no help
@@ -26,21 +27,20 @@ FAINT = 0.02  # affinity below which a keyframe is no help
 class Located:
     """A frame's camera about the surface's centre, and what it rests upon.
 
-    matches : the inliers, per keyframe; total : matches there were
+    matches : per keyframe, those that are not grossly wrong: which of them are right only the
+        adjustment of all cameras can tell
+    inliers : matches that agree with the camera; total : matches there were
     residual : pixels, RMS of the inliers; uncertainty : pixels, RMS expected of the object
     affinity : of the most similar keyframe
     """
 
     camera: Camera
     matches: list[Matches]
+    inliers: int
     total: int
     residual: float
     uncertainty: float
     affinity: float
-
-    @property
-    def inliers(self) -> int:
-        return sum(map(len, self.matches))
 
     @property
     def confidence(self) -> float:
@@ -74,7 +74,8 @@ def locate(
         chosen = nearest(keyframes, guess)
         if not chosen:
             return "no keyframe sees this side of the object"
-        found = [match(keyframes[at], at, image, view, surface) for _, at in chosen]
+        frame = target(image, view)
+        found = [match(keyframes[at], at, frame, surface) for _, at in chosen]
         fit = _fit(found, keyframes, guess)
         total = sum(map(len, found))
         if fit is None or total < FEWEST:
@@ -96,11 +97,10 @@ def locate(
     if not uncertainty < UNSURE:
         return f"the camera is known to {uncertainty:.1f} pixels only"
     starts = np.cumsum([0, *map(len, found)])
-    kept = [
-        m[fit.inlier[a:b]] for m, a, b in zip(found, starts[:-1], starts[1:], strict=True)
-    ]
+    near = fit.deviation < GROSS
+    kept = [m[near[a:b]] for m, a, b in zip(found, starts[:-1], starts[1:], strict=True)]
     residual = float(np.sqrt((fit.residual[fit.inlier] ** 2).sum(1).mean()))
-    return Located(fit.camera, kept, total, residual, uncertainty, chosen[0][0])
+    return Located(fit.camera, kept, inliers, total, residual, uncertainty, chosen[0][0])
 
 
 def _fit(found: list[Matches], keyframes: Sequence[Keyframe], guess: Camera) -> Fit | None:

@@ -11,13 +11,14 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from .contrast import normalise, structure
+from .contrast import normalise, structure_at
 from .keyframes import CLIPPED, STEEP, Keyframe
 from .surface import Surface, View
 from .warp import warp
 
 WINDOW = 21  # pixels
-LEVELS = 3
+SIZE = (WINDOW, WINDOW)
+LEVELS = 2
 RETURN = 0.7  # pixels by which the way there and back may miss
 OCCLUSION = 0.02  # radii
 CODE_NOISE = 12.0  # codes of normalised contrast by which two views differ anyway
@@ -47,30 +48,41 @@ class Matches:
         )
 
 
-def match(
-    keyframe: Keyframe, position: int, image: np.ndarray, view: View, surface: Surface
-) -> Matches:
-    """The keyframe's features in a frame that `view` describes nearly.
+@dataclass(frozen=True)
+class Target:
+    """The part of a frame in which the object is expected.
+
+    crop : (h, w) uint8; seen : the same with its contrast normalised
+    """
+
+    view: View
+    crop: np.ndarray
+    seen: np.ndarray
+
+
+def target(image: np.ndarray, view: View) -> Target:
+    """A frame, (h, w) uint8, whole, prepared for matching where `view` expects the object."""
+    crop = np.ascontiguousarray(view.crop(image))
+    return Target(view, crop, normalise(crop, (view.inverse_depth > 0).view(np.uint8)))
+
+
+def match(keyframe: Keyframe, position: int, frame: Target, surface: Surface) -> Matches:
+    """The keyframe's features in a frame whose view is nearly known.
 
     position : of the keyframe in its list
-    image : (h, w) uint8, the whole frame
     """
-    crop = np.ascontiguousarray(view.crop(image))
+    view, crop = frame.view, frame.crop
     carried, valid = warp(keyframe.image, keyframe.view, view, OCCLUSION * surface.radius)
     feature, expected = _expected(keyframe, view, valid, surface)
     if len(feature) == 0:
         return Matches(position, feature, expected, np.zeros((0, 2, 2)))
-    predicted, seen = normalise(carried, valid, crop)
+    predicted = normalise(carried, valid)
 
     # There and back
     start = expected.astype(np.float32)
-    size = (WINDOW, WINDOW)
-    there, ok, _ = cv2.calcOpticalFlowPyrLK(
-        predicted, seen, start, None, winSize=size, maxLevel=LEVELS, minEigThreshold=1e-5
-    )
-    back, ok_back, _ = cv2.calcOpticalFlowPyrLK(
-        seen, predicted, there, None, winSize=size, maxLevel=LEVELS, minEigThreshold=1e-5
-    )
+    settings = {"winSize": SIZE, "maxLevel": LEVELS, "minEigThreshold": 1e-5}
+    there, ok, _ = cv2.calcOpticalFlowPyrLK(predicted, frame.seen, start, None, **settings)
+    back, ok_back, _ = cv2.calcOpticalFlowPyrLK(frame.seen, predicted, there, None, **settings)
     good = (ok[:, 0] > 0) & (ok_back[:, 0] > 0) & (np.abs(back - start).max(1) < RETURN)
     good &= (there >= 1).all(1) & (there < np.array(crop.shape)[::-1] - 2).all(1)
     # A highlight has no position of its own
@@ -103,12 +115,8 @@ def _expected(keyframe: Keyframe, view: View, valid: np.ndarray, surface: Surfac
 
 def _whitener(predicted: np.ndarray, at: np.ndarray) -> np.ndarray:
     """From the structure of the picture around each place (n, 2): along an edge little is known."""
-    products = structure(predicted, WINDOW)
-    xx, xy, yy = (
-        cv2.remap(p, at[:, None], None, cv2.INTER_LINEAR)[:, 0].astype(float) for p in products
-    )
-    values, vectors = np.linalg.eigh(
-        np.stack([np.stack([xx, xy], 1), np.stack([xy, yy], 1)], 1) * WINDOW**2
-    )
+    products = np.empty((len(at), 3))
+    structure_at(predicted, at, WINDOW // 2, products)
+    values, vectors = np.linalg.eigh(products[:, [[0, 1], [1, 2]]])
     sigma = np.sqrt(CODE_NOISE**2 / np.maximum(values, 1e-3) + PIXEL_NOISE**2)
     return np.einsum("nij,nj,nkj->nik", vectors, 1 / sigma, vectors)

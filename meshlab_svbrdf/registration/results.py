@@ -43,7 +43,7 @@ class Options:
 
     ordered: bool = True
     pixels: int = 800_000
-    features: int = 400
+    features: int = 300
     keyframe_angle: float = 10.0
     adjust: bool = True
     free_focal: bool = False

@@ -52,7 +52,7 @@ class Surface:
 
         jumps : find depth jumps; else `inside` is left empty
         """
-        left, top, right, bottom = _window(camera, self.box)
+        left, top, right, bottom = self.window(camera)
         if right - left < 2 or bottom - top < 2:
             return None
         camera = camera.cropped(left, top, right, bottom)
@@ -62,6 +62,18 @@ class Surface:
             smooth = _smooth(inverse_depth, JUMP * self.radius)
             inside = cv2.distanceTransform(smooth, cv2.DIST_L2, 3)
         return View(camera, left, top, inverse_depth, inside)
+
+    def window(self, camera: Camera) -> tuple[int, int, int, int]:
+        """Left, top, right, bottom of the image's pixels (half open) that enclose the object."""
+        u, v, z = camera.project(self.box).T
+        if z.min() <= 0:
+            return 0, 0, camera.width, camera.height
+        left, top = (max(int(np.floor(min(x.min(), 1e9))) - 1, 0) for x in (u, v))
+        right, bottom = (
+            min(int(np.ceil(max(x.max(), -1e9))) + 2, size)
+            for x, size in ((u, camera.width), (v, camera.height))
+        )
+        return left, top, right, bottom
 
     def visible_vertices(self, camera: Camera) -> np.ndarray:
         """Vertices (n, 3), about the centre, that a camera about the centre sees."""
@@ -87,15 +99,3 @@ def _smooth(inverse_depth: np.ndarray, step: float) -> np.ndarray:
     smooth[[0, -1]], smooth[:, [0, -1]] = False, False
     return smooth.view(np.uint8)
 
-
-def _window(camera: Camera, box: np.ndarray) -> tuple[int, int, int, int]:
-    """Left, top, right, bottom of the image's pixels (half open) that a box's corners enclose."""
-    u, v, z = camera.project(box).T
-    if z.min() <= 0:
-        return 0, 0, camera.width, camera.height
-    left, top = (max(int(np.floor(min(x.min(), 1e9))) - 1, 0) for x in (u, v))
-    right, bottom = (
-        min(int(np.ceil(max(x.max(), -1e9))) + 2, size)
-        for x, size in ((u, camera.width), (v, camera.height))
-    )
-    return left, top, right, bottom

@@ -22,7 +22,7 @@ from .results import FrameResult, FrameSource, Options, Registration
 from .surface import Surface
 from .wide import NOTHING, Signature, describe
 
-GIVEN = Located(None, [], 0, 0.0, 0.0, 1.0)  # type: ignore[arg-type]
+GIVEN = Located(None, [], 0, 0, 0.0, 0.0, 1.0)  # type: ignore[arg-type]
 
 
 class Tracker:
@@ -98,7 +98,7 @@ class Tracker:
         for index, located in self.located.items():
             if located.total:
                 self.located[index] = replace(
-                    located, camera=self.cameras[index], matches=adjusted.matches[index],
+                    located, camera=self.cameras[index], inliers=adjusted.inliers[index],
                     residual=adjusted.residual[index], uncertainty=adjusted.uncertainty[index],
                 )  # fmt: skip
 
@@ -114,8 +114,8 @@ class Tracker:
     def _note(self, index: int, image: np.ndarray, located: Located) -> None:
         self.located[index], self.cameras[index] = located, located.camera
         self.reason.pop(index, None)
-        view = self.surface.view(located.camera, jumps=False)
-        self.blur[index] = blur_effect(view.crop(image)) if view is not None else float("nan")
+        left, top, right, bottom = self.surface.window(located.camera)
+        self.blur[index] = blur_effect(image[top:bottom, left:right])
         alike = np.exp(-((self.options.keyframe_angle / 20) ** 2))
         sure = located.confidence > 0.5 or not located.total
         if (located.affinity < alike or not located.total) and sure:
