@@ -31,7 +31,7 @@ from .layers import Layer, mesh_digest
 from .products import Products, plain
 from .project import MeshEntry, Project, RasterEntry, new_project, read_project, write_project
 from .record import RECORD, ResultFolder, digest, replace_folder
-from .registered import has_rasters, missing_sources, place_rasters
+from .registered import missing_sources, place_rasters
 from .video_rasters import add_video, bring_videos, follow_folder
 from .views import OBJECT, write_views
 
@@ -193,9 +193,9 @@ class Document(Products):
         return name
 
     def _bring_rasters(self, filter: Filter) -> bool:
-        """Rasters of an unchanged filter that a project read anew has not; False: they cannot be.
+        """Place the rasters of an unchanged filter again; False where that cannot be.
 
-        The project's own rasters were moved by the filter, and are not moved yet: its key says so.
+        A project that was read anew has them not yet.
         """
         product = filter.writes[0] if filter.writes else ""
         if not product or not self.has_json(product):
@@ -203,10 +203,9 @@ class Document(Products):
         told = self.json(product)
         if "clips" not in told:
             return True
-        if "rasters" in filter.needs or not has_rasters(self.project, told):
-            if missing_sources(told):
-                return False
-            place_rasters(self.project, self.folder, told)
+        if missing_sources(told):
+            return False
+        place_rasters(self.project, self.folder, told)
         return True
 
     def object_layer(self) -> Layer:

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -104,12 +103,6 @@ def missing_sources(told: dict[str, Any]) -> list[str]:
     return [source for source in sources if not Path(source).exists()]
 
 
-def has_rasters(project: Project, told: dict[str, Any]) -> bool:
-    """Whether any raster that the registration placed is in the project."""
-    labels = {raster.label for raster in project.rasters}
-    return any(frame["label"] in labels for frame in _frames(told) if frame["used"])
-
-
 def place_rasters(project: Project, folder: Path, told: dict[str, Any]) -> None:
     """Bring the project's rasters in line with what the registration says.
 
@@ -139,10 +132,6 @@ def lens_from(told: dict[str, Any] | None) -> Lens | None:
         return None
     k1, k2, p1, p2, k3 = told["coefficients"]
     return Lens(**{**told, "coefficients": (k1, k2, p1, p2, k3)})
-
-
-def _frames(told: dict[str, Any]) -> Iterable[dict[str, Any]]:
-    return (frame for clip in told["clips"] for frame in clip["frames"])
 
 
 def _move_cameras(project: Project, frames: list[dict[str, Any]]) -> None:
