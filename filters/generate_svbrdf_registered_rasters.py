@@ -45,8 +45,8 @@ FILTER = Filter(
     "camera is known, and adds the frames to the project as rasters. Of a video nothing is "
     "extracted. Frames that cannot be relied on are named and left out. Rasters that stood for "
     "the same frames before are replaced.",
-    reference="Palma, Corsini, Dellepiane, Scopigno 2010, Improving 2D-3D registration by mutual "
-    "information using gradient maps; the same with Callieri 2012, §3",
+    reference="Palma, Callieri, Dellepiane, Corsini, Scopigno 2010, "
+    "Geometry-aware video registration",
 )  # fmt: skip
 
 
