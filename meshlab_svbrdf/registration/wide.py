@@ -12,7 +12,8 @@ from ..geometry.camera import Camera
 from .keyframes import MARGIN, Keyframe, lift
 from .pose import fit_camera
 
-FEATURES = 4000  # of a whole frame
+FEATURES = 2500  # of a whole frame
+LARGE = 400  # features, the largest, that tell which frames have something in common
 RATIO = 0.85  # of the distances to the nearest and the second nearest descriptor
 REACH = 8.0  # pixels within which a match agrees with a camera
 FEWEST = 10
@@ -20,7 +21,7 @@ FEWEST = 10
 
 @dataclass(frozen=True)
 class Signature:
-    """pixels (n, 2) float64 of the whole frame; descriptors (n, 128) float32, unit."""
+    """pixels (n, 2) float64 of the whole frame; descriptors (n, 128) float32, unit; largest first."""
 
     pixels: np.ndarray
     descriptors: np.ndarray
@@ -34,9 +35,11 @@ def describe(image: np.ndarray) -> Signature:
     found, values = cv2.SIFT_create(FEATURES, contrastThreshold=0.02).detectAndCompute(image, None)
     if values is None:
         return NOTHING
+    order = np.argsort([-f.size for f in found], kind="stable")
     # Hellinger's distance (Arandjelović and Zisserman 2012)
     values = np.sqrt(values / np.maximum(values.sum(1, keepdims=True), 1e-9))
-    return Signature(np.array([f.pt for f in found], float), values.astype(np.float32))
+    pixels = np.array([f.pt for f in found], float)
+    return Signature(pixels[order], values[order].astype(np.float32))
 
 
 def on_surface(signature: Signature, keyframe: Keyframe) -> tuple[np.ndarray, np.ndarray]:
@@ -52,18 +55,27 @@ def on_surface(signature: Signature, keyframe: Keyframe) -> tuple[np.ndarray, np
 
 def pair(signature: Signature, points: np.ndarray, descriptors: np.ndarray):
     """Pixels (n, 2) of a frame and points (n, 3) whose descriptors are alike, and no other's are."""
-    if len(descriptors) < 2 or len(signature.descriptors) < 2:
-        return np.zeros((0, 2)), np.zeros((0, 3))
-    likeness = descriptors @ signature.descriptors.T
-    best = np.argpartition(likeness, -2, axis=1)[:, -2:]
-    values = np.take_along_axis(likeness, best, 1)
-    order = np.argsort(-values, axis=1)
-    values, best = np.take_along_axis(values, order, 1), np.take_along_axis(best, order, 1)
-    distance = np.sqrt(np.maximum(2 - 2 * values, 0))
-    good = distance[:, 0] < RATIO * distance[:, 1]
-    mutual = likeness.argmax(0)[best[:, 0]] == np.arange(len(best))
-    good &= mutual
-    return signature.pixels[best[good, 0]], points[good]
+    here, there = _alike(descriptors, signature.descriptors)
+    return signature.pixels[there], points[here]
+
+
+def likeness(a: np.ndarray, b: np.ndarray) -> int:
+    """How many of the largest features (n, 128) and (m, 128) of two frames are alike."""
+    return len(_alike(a[:LARGE], b[:LARGE])[0])
+
+
+def _alike(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Indices of unit vectors (n, d) and (m, d) that are each other's nearest, and clearly so."""
+    if len(a) < 2 or len(b) < 2:
+        return np.zeros(0, int), np.zeros(0, int)
+    product = a @ b.T
+    rows, best = np.arange(len(a)), product.argmax(1)
+    mutual = product.argmax(0)[best] == rows
+    first = product[rows, best].copy()
+    product[rows, best] = -1
+    second = product.max(1)
+    good = mutual & (1 - first < RATIO**2 * (1 - second))
+    return rows[good], best[good]
 
 
 def camera_from_pairs(
