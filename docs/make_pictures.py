@@ -279,8 +279,8 @@ def material_specular(scene: Scene) -> None:
 
 
 PICTURES = (
-    overview, texels, visibility, samples, threshold, environment, diffuse, lights, texel_specular,
-    materials, material_specular, rendering,
+    overview, registration, texels, visibility, samples, threshold, environment, diffuse, lights,
+    texel_specular, materials, material_specular, rendering,
 )  # fmt: skip
 
 
