@@ -19,9 +19,10 @@ from meshlab_svbrdf.registration.track import register_frames
 from ._clips import centred_lens, focal_length
 from ._starts import Start, solve_start
 
-TRIED = 40  # frames around the start
-MOST = 0.4  # the largest k1 of either sign that is tried
-TRIALS = 14
+TRIED = 24  # frames around the start
+MOST = 0.12  # share of its distance that the farthest corner may be moved by
+GRID = 5
+NARROWED = 8  # trials between two of the grid
 MISSING = 3.0  # pixels: what a frame without a camera costs
 
 
@@ -57,7 +58,7 @@ def estimate_lens(
     def cost(k1: float) -> float:
         nonlocal done
         done += 1
-        progress(done / (TRIALS + 8), f"k1 {k1:+.3f}")
+        progress(done / (GRID + NARROWED), f"k1 {k1:+.3f}")
         try:
             made = lens(k1)
             made.pinhole()
@@ -72,14 +73,19 @@ def estimate_lens(
         return _misfit(result) * made.fx / made.pinhole().fx  # in pixels as they were filmed
 
     # Look where the least cost is, then narrow it down
-    grid = np.linspace(-MOST, MOST, 9)
+    plain = lens(0.0)
+    corner = np.hypot(clip.size[0] / 2, clip.size[1] / 2) / plain.fx
+    grid = np.linspace(-MOST, MOST, GRID) / corner**2
     costs = [cost(k1) for k1 in grid]
     best = int(np.argmin(costs))
     if not costs[best] < MISSING:
         return None
     bounds = grid[max(0, best - 1)], grid[min(len(grid) - 1, best + 1)]
     found = minimize_scalar(
-        cost, bounds=bounds, method="bounded", options={"maxiter": TRIALS - 6, "xatol": 1e-3}
+        cost,
+        bounds=bounds,
+        method="bounded",
+        options={"maxiter": NARROWED, "xatol": 1e-3 / corner**2},
     )
     k1 = float(found.x) if found.fun < costs[best] else float(grid[best])
     return lens(k1)

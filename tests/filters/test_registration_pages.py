@@ -23,6 +23,7 @@ from meshlab_svbrdf.document.registered import camera_from
 from meshlab_svbrdf.errors import SvbrdfError
 from meshlab_svbrdf.filters import (
     _alignment,
+    _lens_search,
     _starts,
     apply_svbrdf_raster_refinement,
     generate_svbrdf_rasters_from_cameras,
@@ -377,6 +378,30 @@ def test_points_are_undistorted_with_the_frame(document, core, folder, picked, r
     path = picked(lens=lens)
     document.apply(TRACK, images=folder, points=path, distortion="-0.15 0.02", focal=f)
     assert core.calls[0]["focal"] == pytest.approx(lens.pinhole().fx)
+
+
+@pytest.mark.parametrize("true", [-0.2, 0.0, 0.11])
+def test_distortion_is_estimated_by_the_least_residual(
+    document, core, folder, rasters, monkeypatch, true
+):
+    def register(vertices, faces, frames, start, options=None, progress=None):
+        k1 = frames.lenses[0].coefficients[0] if frames.lenses[0] else 0.0
+        residual = 0.2 + 2 * abs(k1 - true)
+        result = FrameResult(core.cameras[0], "registered", "", residual, 90, 0.9, 0.3)
+        return Registration([result] * len(frames), [0])
+
+    monkeypatch.setattr(_lens_search, "register_frames", register)
+    said = document.apply(
+        TRACK, images=folder, start=rasters[0].label, distortion="auto"
+    ).message  # fmt: skip
+    lens = document.json("registration")["clips"][0]["frames"][0]["lens"]
+    assert lens["coefficients"][0] == pytest.approx(true, abs=0.03)
+    assert f"distortion k1 {lens['coefficients'][0]:+.4f}" in said
+
+
+def test_distortion_without_a_focal_length_is_not_estimated(document, core, folder, picked):
+    with pytest.raises(SvbrdfError, match="auto needs the focal length"):
+        document.apply(TRACK, images=folder, points=picked(), distortion="auto")
 
 
 # What is refused
