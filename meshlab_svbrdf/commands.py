@@ -60,7 +60,9 @@ def run(
                 f"the result would replace {project} itself: give another folder or name with -o"
             )
         if not document.project.rasters:
-            raise SvbrdfError(f"{project}: has no rasters; add registered frames in MeshLab")
+            raise SvbrdfError(
+                f"{project}: has no rasters; add them with `meshlab-svbrdf register`, or in MeshLab"
+            )
         document.hold_out(hold_out)
         if preset is not None and not as_json:
             typer.echo(f"preset {preset}: {PRESETS[preset]}")
@@ -80,7 +82,9 @@ def plan(
         check_script(steps)
         document = Document.open(project, output)
         if not document.rasters:
-            raise SvbrdfError(f"{project}: has no rasters; add registered frames in MeshLab")
+            raise SvbrdfError(
+                f"{project}: has no rasters; add them with `meshlab-svbrdf register`, or in MeshLab"
+            )
         made = make_plan(document, steps, given)
         typer.echo(json.dumps(made.to_json(), indent=1) if as_json else "\n".join(made.lines()))
 

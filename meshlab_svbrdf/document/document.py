@@ -434,7 +434,9 @@ def raster_digest(rasters: list[RasterEntry], frames: Frames | None = None) -> s
     that are missing count as such. `frames` : of these rasters or more, to look nothing up again.
     """
     if not rasters:
-        raise DocumentError("the project has no rasters: add registered frames in MeshLab")
+        raise DocumentError(
+            "the project has no rasters: add them with `meshlab-svbrdf register`, or in MeshLab"
+        )
     frames = frames or Frames(rasters)
     sequences = list(dict.fromkeys(raster.sequence for raster in rasters))
     return digest(
