@@ -151,4 +151,4 @@ def _picked(
     where: str, frame: str, rows: list[list[float]], *, upwards: bool = False
 ) -> PickedPoints:
     values = np.array(rows, np.float64)
-    return PickedPoints(where, frame, values[:, :3], values[:, 3:], upwards)
+    return PickedPoints(where, frame, values[:, :3].copy(), values[:, 3:].copy(), upwards)
