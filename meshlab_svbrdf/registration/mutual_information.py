@@ -7,10 +7,11 @@ harmonics of the normal, in the ambient occlusion and in products of both, which
 light makes of a matt surface; beside the object, one colour. What the prediction leaves unexplained
 is taken as normally distributed, so that the information has a closed form without bins:
 
-    2 I = log |C| − log |C_unexplained|
+    2 I = log |C| − share_on log |C_on| − share_off log |C_off|
 
-C : covariance of the colours. On and beside the object the unexplained counts alike, for a pixel on
-the silhouette holds both, and must not belong to either before it is half the other's.
+C : covariance of the colours; C_on, C_off : of what is unexplained on and beside the object. Near the
+goal both are taken as one, C_on = C_off: a pixel on the silhouette holds both colours, and must not
+belong to either before it is half the other's.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ from .surface import Surface
 
 RAYS = 128  # per vertex, over the sphere
 OFF_SURFACE = 1e-3  # radii
-CODE_NOISE = 3.0  # codes of 255 that nothing explains
+CODE_NOISE = 6.0  # codes of 255 that nothing explains
 FEWEST = 50  # pixels of object, below which nothing is told
 
 
@@ -93,13 +94,15 @@ class Comparison:
     image : (h, w, 3) uint8; camera : of whole frames, about the surface's centre
     times : by which the frame is reduced
     window : left, top, right, bottom of the part of the whole frame that is compared
+    alike : what is unexplained on and beside the object is taken as one
     """
 
     def __init__(
         self, surface: Surface, predictors: np.ndarray, image: np.ndarray, times: int,
-        window: tuple[int, int, int, int],
+        window: tuple[int, int, int, int], alike: bool,
     ) -> None:  # fmt: skip
         self.surface, self.predictors, self.times = surface, predictors, times
+        self.alike = alike
         left, top, right, bottom = window
         self.left, self.top = left, top
         self.size = max((right - left) // times, 1), max((bottom - top) // times, 1)
@@ -130,12 +133,15 @@ class Comparison:
             return 0.0
         sums = np.triu(sums) + np.triu(sums, 1).T
         A, B, C = sums[:n, :n], sums[:n, n:], sums[n:, n:]
-        unexplained = C - B.T @ np.linalg.solve(A + 1e-6 * on * np.eye(n), B)
-        if off > 0:
-            total = beside[0, 1:]
-            products = np.triu(beside[1:, 1:]) + np.triu(beside[1:, 1:], 1).T
-            unexplained = unexplained + products - np.outer(total, total) / off
-        return (self.entropy - _log_spread(unexplained / (on + off))) / 2
+        unexplained = (C - B.T @ np.linalg.solve(A + 1e-6 * on * np.eye(n), B)) / on
+        share = on / (on + off)
+        total, around = beside[0, 1:] / max(off, 1), beside[1:, 1:] / max(off, 1)
+        around = np.triu(around) + np.triu(around, 1).T - np.outer(total, total)
+        if self.alike:
+            left = _log_spread(share * unexplained + (1 - share) * around)
+        else:
+            left = share * _log_spread(unexplained) + (1 - share) * _log_spread(around)
+        return (self.entropy - left) / 2
 
     def shifted(self, face: np.ndarray, columns: int, rows: int) -> float:
         """As `information`, of the faces moved to the right and down by so many pixels."""

@@ -7,139 +7,18 @@ refine_cameras   all cameras of a sequence, from elsewhere
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from typing import NamedTuple
 
-import cv2
 import numpy as np
-from scipy.optimize import minimize
-from scipy.spatial.transform import Rotation
 
 from ..geometry.camera import Camera
 from ..progress import Progress
-from .mutual_information import Comparison, face_predictors
 from .results import FrameSource, Options, Registration
+from .search import InformationSearch, Refined
 from .surface import Surface
+from .track import finish
+from .tracker import Tracker
 
-SIZES = (60, 120, 240)  # pixels that the object's radius has at each step, from coarse to fine
-REACH = 0.09  # radians, or share of the distance, by which a start may be off
-AGREE = 0.015  # of the object's radius in the frame, within which two searches must end
-
-
-class Refined(NamedTuple):
-    """camera, score (nats of mutual information), converged: whether it can be relied on."""
-
-    camera: Camera
-    score: float
-    converged: bool
-
-
-@dataclass(frozen=True)
-class _Motions:
-    """Cameras around one, by numbers that each move the object's rim by as many pixels as they say.
-
-    Three turns about the object's centre, three shifts; with `free_focal`, the focal length at the
-    same size of the object.
-    """
-
-    camera: Camera
-    rim: float  # the object's radius, pixels
-    free_focal: bool
-
-    def __len__(self) -> int:
-        return 6 + self.free_focal
-
-    def __call__(self, numbers: np.ndarray) -> Camera:
-        c, share = self.camera, np.asarray(numbers) / self.rim
-        R = Rotation.from_rotvec(share[:3]).as_matrix() @ c.R
-        depth = c.t[2]
-        lever = min(self.rim / c.fx, 0.9)
-        t = c.t + depth * np.array([share[3] * lever, share[4] * lever, share[5]])
-        if self.free_focal:
-            longer = np.exp(share[6] / lever)
-            return replace(c, R=R, t=t * [1, 1, longer], fx=c.fx * longer, fy=c.fy * longer)
-        return replace(c, R=R, t=t)
-
-
-class InformationSearch:
-    """`refine_camera` for many frames of one surface; cameras in the world."""
-
-    def __init__(self, surface: Surface) -> None:
-        self.surface = surface
-        self.predictors = face_predictors(surface)
-
-    def refine(self, image: np.ndarray, camera: Camera, free_focal: bool = False) -> Refined:
-        """See `refine_camera`."""
-        if image.shape[:2] != (camera.height, camera.width):
-            raise ValueError(
-                f"image: expected {camera.width}×{camera.height} as the camera says, "
-                f"not {image.shape[1]}×{image.shape[0]}"
-            )
-        image = cv2.cvtColor(image, cv2.COLOR_GRAY2RGB) if image.ndim == 2 else image
-        start = camera.about(self.surface.center)
-        rim = start.fx * self.surface.radius / max(start.t[2], 1e-9)
-        window = self._window(start)
-        steps = [
-            Comparison(self.surface, self.predictors, image, times, window)
-            for times in sorted({max(round(rim / size), 1) for size in SIZES}, reverse=True)
-        ]
-        found = _shifted(steps[0], start)
-        radius = REACH * rim / 2
-        for step in steps:
-            found = _climb(step, found, rim, radius, free_focal)
-            radius = 3.0 * step.times
-        # Whoever comes from elsewhere must get to the same place
-        best, score = found, steps[-1].information(steps[-1].faces(found))
-        errors = []
-        points = self.surface.visible_vertices(best)
-        for sign in (1, -1):
-            away = sign * 0.25 * REACH * rim * np.array([1, -1, 1, 0.3, -0.3, 0.5, 0])
-            motions = _Motions(best, rim, free_focal)
-            other = motions(away[: len(motions)])
-            radius = REACH * rim / 4
-            for step in steps[:-1]:
-                other = _climb(step, other, rim, radius, free_focal)
-                radius = 3.0 * step.times
-            moved = other.project(points)[:, :2] - best.project(points)[:, :2]
-            errors.append(float(np.sqrt((moved**2).sum(1).mean())))
-        self.errors = errors
-        converged = max(errors) < AGREE * rim
-        return Refined(best.about(-self.surface.center), score, converged)
-
-    def _window(self, camera: Camera) -> tuple[int, int, int, int]:
-        """Where the object can be: around where it should be by as much as the start may be off."""
-        left, top, right, bottom = self.surface.window(camera)
-        more = int(REACH * camera.fx)
-        return (
-            max(left - more, 0), max(top - more, 0),
-            min(right + more, camera.width), min(bottom + more, camera.height),
-        )  # fmt: skip
-
-
-def _shifted(step: Comparison, camera: Camera) -> Camera:
-    """The camera turned so that the object lies where, in the plane, it fits best."""
-    face = step.faces(camera)
-    reach = int(np.ceil(REACH * camera.fx / step.times))
-    shifts = [(c, r) for c in range(-reach, reach + 1) for r in range(-reach, reach + 1)]
-    best = max(shifts, key=lambda s: step.shifted(face, *s))
-    move = np.array([best[0] / camera.fx, best[1] / camera.fy]) * step.times * camera.t[2]
-    return replace(camera, t=camera.t + [*move, 0])
-
-
-def _climb(
-    step: Comparison, camera: Camera, rim: float, radius: float, free_focal: bool
-) -> Camera:
-    """The camera of most information nearby (COBYQA: Ragonneau and Zhang 2023, without slopes)."""
-    motions = _Motions(camera, rim, free_focal)
-    result = minimize(
-        lambda numbers: -step.information(step.faces(motions(numbers))),
-        np.zeros(len(motions)),
-        method="COBYQA",
-        options={
-            "initial_tr_radius": radius, "final_tr_radius": 0.1 * step.times, "maxfev": 300,
-        },
-    )  # fmt: skip
-    return motions(result.x)
+__all__ = ["Refined", "refine_camera", "refine_cameras"]
 
 
 def refine_camera(
@@ -172,7 +51,29 @@ def refine_cameras(
 ) -> Registration:
     """Cameras from elsewhere (structure from motion), refined together against the mesh.
 
-    Frames without a camera in `cameras` are named unregistered; scale and pose as a whole are
-    expected to be roughly those of the mesh.
+    Every frame is matched, from its own camera, with frames that see the same side of the object,
+    and all are adjusted. Frames without a camera in `cameras`, or whose camera is wrong by more than
+    some tens of pixels, are named unregistered.
+
+    Scale and pose as a whole are expected to be roughly those of the mesh. See `register_frames`.
     """
-    raise NotImplementedError
+    options, progress = options or Options(), progress or Progress()
+    if not cameras:
+        raise ValueError("cameras: expected at least one, index of its frame → camera")
+    first = min(cameras)
+    tracker = Tracker(vertices, faces, frames, {first: cameras[first]}, options)
+    # The most similar first: each is matched with keyframes that stand already
+    left = {k: tracker.inner(camera) for k, camera in cameras.items() if k != first}
+    total, compared = len(left), 0
+    affinity = dict.fromkeys(left, 0.0)
+    while left:
+        for keyframe in tracker.keyframes[compared:]:
+            for k, camera in left.items():
+                affinity[k] = max(affinity[k], keyframe.affinity(camera))
+        compared = len(tracker.keyframes)
+        index = max(left, key=lambda k: affinity[k])
+        guess, image = left.pop(index), tracker.read(index)
+        if image is not None:
+            tracker.locate(index, image, guess)
+        progress(0.8 * (1 - len(left) / total), f"frame {index}")
+    return finish(tracker, progress.part(0.8, 1.0))

@@ -38,8 +38,9 @@ def _follow(tracker: Tracker, index: int, step: int) -> None:
     if image is None:
         return
     known = tracker.cameras
-    last = next(k for k in range(index - step, -1 if step > 0 else len(tracker.frames), -step)
-                if k in known)
+    last = next(
+        k for k in range(index - step, -1 if step > 0 else len(tracker.frames), -step) if k in known
+    )
     steps = abs(index - last)
     guesses: list[Camera] = []
     if last - step in known and steps <= 3:

@@ -98,4 +98,3 @@ def _smooth(inverse_depth: np.ndarray, step: float) -> np.ndarray:
     # The image's border: what lies beyond is unknown
     smooth[[0, -1]], smooth[:, [0, -1]] = False, False
     return smooth.view(np.uint8)
-

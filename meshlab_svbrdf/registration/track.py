@@ -19,6 +19,7 @@ from .sequence import register_in_order
 from .stills import register_by_likeness
 from .tracker import Tracker
 
+
 def register_frames(
     vertices: np.ndarray,
     faces: np.ndarray,
@@ -42,17 +43,21 @@ def register_frames(
     """
     options, progress = options or Options(), progress or Progress()
     tracker = Tracker(vertices, faces, frames, start, options)
-    share = 0.9 if options.adjust else 1.0
     if options.ordered:
-        register_in_order(tracker, progress.part(0, share))
+        register_in_order(tracker, progress.part(0, 0.8))
     else:
-        register_by_likeness(tracker, progress.part(0, share))
-    if options.adjust:
-        progress(share, "adjusting all cameras")
+        register_by_likeness(tracker, progress.part(0, 0.8))
+    return finish(tracker, progress.part(0.8, 1.0))
+
+
+def finish(tracker: Tracker, progress: Progress) -> Registration:
+    """All cameras adjusted together, where the options say so, and every frame's result."""
+    if tracker.options.adjust:
+        progress(0.0, "adjusting all cameras")
         tracker.take(
             adjust(
                 tracker.cameras, tracker.keyframes, tracker.matches, tracker.surface,
-                options.free_focal,
+                tracker.options.free_focal,
             )
         )  # fmt: skip
     progress(1.0, "registered")

@@ -42,7 +42,7 @@ class Tracker:
         self.frames, self.options = frames, options
         self.whole = start[min(start)]
         self.times = int(np.ceil(np.sqrt(self.whole.width * self.whole.height / options.pixels)))
-        self.start = {index: self._inner(camera) for index, camera in start.items()}
+        self.start = {index: self.inner(camera) for index, camera in start.items()}
         self.cameras: dict[int, Camera] = {}
         self.located: dict[int, Located] = {}
         self.blur: dict[int, float] = {}
@@ -125,7 +125,7 @@ class Tracker:
             if keyframe is not None:
                 self.keyframes.append(keyframe)
 
-    def _inner(self, camera: Camera) -> Camera:
+    def inner(self, camera: Camera) -> Camera:
         """A camera of whole frames in the world, as it is used here."""
         inner = camera.reduced(self.times).about(self.surface.center)
         return replace(
@@ -133,7 +133,7 @@ class Tracker:
         )  # fmt: skip
 
     def _outer(self, camera: Camera) -> Camera:
-        """The inverse of `_inner`."""
+        """The inverse of `inner`."""
         return replace(
             self.whole, fx=camera.fx * self.times, fy=camera.fy * self.times, R=camera.R,
             t=camera.t - camera.R @ self.surface.center,
