@@ -23,6 +23,7 @@ from .surface import Surface
 ROUNDS = 15
 WIDEST = 30.0  # standard deviations at which weights fall at first: loops may have come apart
 DAMPING = 1e-6  # of the diagonal: holds cameras that nothing ties
+TIES = 120  # matches of a frame with a keyframe that the cameras are adjusted to
 LIFT = 4  # rounds after which features are lifted to the surface anew
 DONE = 0.02  # standard deviations of motion below which nothing changes any more
 
@@ -31,8 +32,8 @@ DONE = 0.02  # standard deviations of motion below which nothing changes any mor
 class Adjusted:
     """Cameras after the adjustment.
 
-    inliers, residual, uncertainty : per frame: how many matches agree; RMS of those, and RMS error to be
-        expected, pixels
+    inliers : per frame, how many matches agree
+    residual, uncertainty : per frame, pixels: RMS of those, and RMS error to be expected
     """
 
     cameras: dict[int, Camera]
@@ -89,10 +90,11 @@ def adjust(
     cameras, keyframes = dict(cameras), list(keyframes)
     order = {frame: at for at, frame in enumerate(cameras)}
     scale, width = 1.0, WIDEST
+    ties = {frame: [_thinned(each) for each in found] for frame, found in matches.items()}
     for turn in range(ROUNDS):
         system = _System(len(order), free_focal)
         deviations = []
-        for frame, found in matches.items():
+        for frame, found in ties.items():
             for each in found:
                 keyframe = keyframes[each.keyframe]
                 if frame == keyframe.index or len(each) == 0:
@@ -118,6 +120,11 @@ def adjust(
             break
         width = max(width / 2, OUTLIER * scale)
     return _judged(cameras, keyframes, matches, order, scale)
+
+
+def _thinned(matches: Matches) -> Matches:
+    """Every so many, and no more than are needed."""
+    return matches[np.arange(0, len(matches), max(-(-len(matches) // TIES), 1))]
 
 
 def _judged(cameras, keyframes, matches, order, scale) -> Adjusted:

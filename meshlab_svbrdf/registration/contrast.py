@@ -46,11 +46,11 @@ def structure_at(image, places, half, out):
     height, width = image.shape
     for i in range(len(places)):
         col, row = int(places[i, 0] + 0.5), int(places[i, 1] + 0.5)
-        xx, xy, yy = 0.0, 0.0, 0.0
+        xx = xy = yy = 0.0
         for r in range(max(row - half, 1), min(row + half, height - 2) + 1):
             for c in range(max(col - half, 1), min(col + half, width - 2) + 1):
-                dx = (np.float32(image[r, c + 1]) - np.float32(image[r, c - 1])) / 2
-                dy = (np.float32(image[r + 1, c]) - np.float32(image[r - 1, c])) / 2
+                dx = (float(image[r, c + 1]) - float(image[r, c - 1])) / 2
+                dy = (float(image[r + 1, c]) - float(image[r - 1, c])) / 2
                 xx, xy, yy = xx + dx * dx, xy + dx * dy, yy + dy * dy
         out[i, 0], out[i, 1], out[i, 2] = xx, xy, yy
 

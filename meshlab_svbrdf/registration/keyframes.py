@@ -91,7 +91,7 @@ def make_keyframe(
     if view is None:
         return None
     crop = np.ascontiguousarray(view.crop(image))
-    pixels = _detect(crop, view, count) + [view.left, view.top]
+    pixels = _detect(crop, view, count) + np.array([view.left, view.top])
     planes, points, normals, ok = lift(view, pixels)
     ok &= np.einsum("ni,ni->n", normals, camera.center - points) > STEEP * np.linalg.norm(
         camera.center - points, axis=1
@@ -118,8 +118,8 @@ def _detect(crop: np.ndarray, view: View, count: int) -> np.ndarray:
     h, w = (np.array(score.shape) // cell) * cell
     if h == 0 or w == 0:
         return np.zeros((0, 2))
-    cells = score[:h, :w].reshape(h // cell, cell, w // cell, cell)
-    cells = cells.transpose(0, 2, 1, 3).reshape(h // cell, w // cell, cell * cell)
+    blocks = score[:h, :w].reshape(h // cell, cell, w // cell, cell)
+    cells = blocks.transpose(0, 2, 1, 3).reshape(h // cell, w // cell, cell * cell)
     best, at = cells.max(2), cells.argmax(2)
     row, col = np.indices(best.shape) * cell
     found = np.column_stack([(col + at % cell).ravel(), (row + at // cell).ravel()])
@@ -141,7 +141,9 @@ def lift(view: View, pixels: np.ndarray):
     smooth = cv2.blur(w, (3, 3))
     du, dv = (cv2.Scharr(smooth, cv2.CV_32F, *d) / 32 for d in ((1, 0), (0, 1)))
     value, a, b, inside = (
-        cv2.remap(x, at, None, cv2.INTER_LINEAR, borderValue=0)[:, 0].astype(float)
+        np.asarray(cv2.remap(x, at[..., 0], at[..., 1], cv2.INTER_LINEAR, borderValue=0))[
+            :, 0
+        ].astype(float)
         for x in (w, du, dv, view.inside)
     )
     ok = (inside >= 3) & (value > 0)

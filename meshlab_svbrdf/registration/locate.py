@@ -67,7 +67,7 @@ def locate(
 
     image : (h, w) uint8; guess : about the surface's centre, wrong by some tens of pixels at most
     """
-    for last in range(ROUNDS):
+    for _ in range(ROUNDS):
         view = surface.view(guess)
         if view is None:
             return "the object is out of sight"
@@ -82,25 +82,26 @@ def locate(
             return f"{total} features found again, {FEWEST} are needed"
         points = np.concatenate([keyframes[m.keyframe].points for m in found])
         moved = fit.camera.project(points)[:, :2] - guess.project(points)[:, :2]
-        motion = float(np.sqrt((moved**2).sum(1).mean()))
         guess = fit.camera
-        if motion < SETTLED or last == ROUNDS - 1:
-            break
-    inliers = int(fit.inlier.sum())
+        if np.sqrt((moved**2).sum(1).mean()) < SETTLED:
+            return _accepted(fit, found, points, chosen[0][0])
+    return "the camera does not settle"
+
+
+def _accepted(fit: Fit, found: list[Matches], points: np.ndarray, affinity: float) -> Located | str:
+    """The frame, or what speaks against it; points (n, 3) : of the object."""
+    inliers, total = int(fit.inlier.sum()), len(fit.inlier)
     if inliers < FEWEST:
         return f"{inliers} of {total} features agree, {FEWEST} are needed"
     if inliers < SHARE * total:
         return f"{inliers} of {total} features agree, {SHARE:.0%} are needed"
-    if not motion < SETTLED:
-        return "the camera does not settle"
     uncertainty = fit.uncertainty(points)
     if not uncertainty < UNSURE:
         return f"the camera is known to {uncertainty:.1f} pixels only"
-    starts = np.cumsum([0, *map(len, found)])
-    near = fit.deviation < GROSS
+    near, starts = fit.deviation < GROSS, np.cumsum([0, *map(len, found)])
     kept = [m[near[a:b]] for m, a, b in zip(found, starts[:-1], starts[1:], strict=True)]
     residual = float(np.sqrt((fit.residual[fit.inlier] ** 2).sum(1).mean()))
-    return Located(fit.camera, kept, inliers, total, residual, uncertainty, chosen[0][0])
+    return Located(fit.camera, kept, inliers, total, residual, uncertainty, affinity)
 
 
 def _fit(found: list[Matches], keyframes: Sequence[Keyframe], guess: Camera) -> Fit | None:

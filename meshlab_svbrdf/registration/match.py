@@ -80,18 +80,26 @@ def match(keyframe: Keyframe, position: int, frame: Target, surface: Surface) ->
 
     # There and back
     start = expected.astype(np.float32)
-    settings = {"winSize": SIZE, "maxLevel": LEVELS, "minEigThreshold": 1e-5}
-    there, ok, _ = cv2.calcOpticalFlowPyrLK(predicted, frame.seen, start, None, **settings)
-    back, ok_back, _ = cv2.calcOpticalFlowPyrLK(frame.seen, predicted, there, None, **settings)
-    good = (ok[:, 0] > 0) & (ok_back[:, 0] > 0) & (np.abs(back - start).max(1) < RETURN)
+    there, ok = _flow(predicted, frame.seen, start)
+    back, ok_back = _flow(frame.seen, predicted, there)
+    good = ok & ok_back & (np.abs(back - start).max(1) < RETURN)
     good &= (there >= 1).all(1) & (there < np.array(crop.shape)[::-1] - 2).all(1)
     # A highlight has no position of its own
     at = np.where(good[:, None], np.rint(there), 0).astype(int)
     good &= crop[at[:, 1], at[:, 0]] < CLIPPED
     feature, there, start = feature[good], there[good].astype(float), start[good]
     return Matches(
-        position, feature, there + [view.left, view.top], _whitener(predicted, start)
+        position, feature, there + np.array([view.left, view.top]), _whitener(predicted, start)
     )  # fmt: skip
+
+
+def _flow(here: np.ndarray, there: np.ndarray, places: np.ndarray):
+    """Where places (n, 2) float32 of one picture are in another, and whether they were found."""
+    found, ok, _ = cv2.calcOpticalFlowPyrLK(
+        here, there, places, np.empty_like(places), winSize=SIZE, maxLevel=LEVELS,
+        minEigThreshold=1e-5,
+    )  # fmt: skip
+    return np.asarray(found), np.asarray(ok)[:, 0] > 0
 
 
 def _expected(keyframe: Keyframe, view: View, valid: np.ndarray, surface: Surface):

@@ -9,9 +9,9 @@ is taken as normally distributed, so that the information has a closed form with
 
     2 I = log |C| − share_on log |C_on| − share_off log |C_off|
 
-C : covariance of the colours; C_on, C_off : of what is unexplained on and beside the object. Near the
-goal both are taken as one, C_on = C_off: a pixel on the silhouette holds both colours, and must not
-belong to either before it is half the other's.
+C : covariance of the colours; C_on, C_off : of what is unexplained on and beside the object. Near
+the goal both are taken as one, C_on = C_off: a pixel on the silhouette holds both colours, and must
+not belong to either before it is half the other's.
 """
 
 from __future__ import annotations

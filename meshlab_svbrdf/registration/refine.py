@@ -52,8 +52,8 @@ def refine_cameras(
     """Cameras from elsewhere (structure from motion), refined together against the mesh.
 
     Every frame is matched, from its own camera, with frames that see the same side of the object,
-    and all are adjusted. Frames without a camera in `cameras`, or whose camera is wrong by more than
-    some tens of pixels, are named unregistered.
+    and all are adjusted. Frames without a camera in `cameras`, or whose camera is wrong by more
+    than some tens of pixels, are named unregistered.
 
     Scale and pose as a whole are expected to be roughly those of the mesh. See `register_frames`.
     """

@@ -22,7 +22,7 @@ AGREE = 0.015  # of the object's radius in the frame, within which two searches 
 
 
 class Refined(NamedTuple):
-    """camera, score (nats a pixel of mutual information), converged: whether it can be relied on."""
+    """camera, score (information, nats a pixel), converged: whether it can be relied on."""
 
     camera: Camera
     score: float
@@ -30,8 +30,8 @@ class Refined(NamedTuple):
 
 
 class _Motions:
-    """Cameras around one, by numbers that are independent: any change of one by d moves what is seen
-    of the object by d pixels, RMS.
+    """Cameras around one, by numbers that are independent: whichever changes by d moves what is
+    seen of the object by d pixels, RMS.
 
     A turn about the object's centre looks much like a shift. In these numbers what tells them apart
     weighs as much as what they share.
@@ -89,7 +89,8 @@ class InformationSearch:
         for step, kept in zip(steps, KEPT[-len(steps) :], strict=True):
             radius = REACH * rim / 4 if step is steps[0] else 4.0 * step.times
             found = [self._climb(step, each, radius, free_focal) for each in found[:kept]]
-            found.sort(key=lambda c, step=step: -step.information(step.faces(c)))
+            told = [step.information(step.faces(camera)) for camera in found]
+            found = [found[at] for at in np.argsort(told)[::-1]]
             if len(found) > 2:
                 rivals = found
         # Whoever comes from elsewhere must get to the same place
@@ -146,4 +147,4 @@ def _shifted(step: Comparison, camera: Camera) -> Camera:
     shifts = [(c, r) for c in range(-reach, reach + 1) for r in range(-reach, reach + 1)]
     best = max(shifts, key=lambda s: step.shifted(face, *s))
     move = np.array([best[0] / camera.fx, best[1] / camera.fy]) * step.times * camera.t[2]
-    return replace(camera, t=camera.t + [*move, 0])
+    return replace(camera, t=camera.t + np.append(move, 0))

@@ -62,5 +62,6 @@ def find_again(tracker: Tracker, image: np.ndarray, near: Camera) -> Camera | No
     pairs = [pair(signature, *on_surface(tracker.signature(k.index), k)) for k in chosen]
     if not pairs:
         return None
-    found = camera_from_pairs(*(np.concatenate(p) for p in zip(*pairs, strict=True)), near)
+    pixels, points = (np.concatenate(p) for p in zip(*pairs, strict=True))
+    found = camera_from_pairs(pixels, points, near)
     return found[0] if found else None

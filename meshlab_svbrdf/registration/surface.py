@@ -60,7 +60,7 @@ class Surface:
         inside = np.zeros((0, 0), np.float32)
         if jumps:
             smooth = _smooth(inverse_depth, JUMP * self.radius)
-            inside = cv2.distanceTransform(smooth, cv2.DIST_L2, 3)
+            inside = np.asarray(cv2.distanceTransform(smooth, cv2.DIST_L2, 3))
         return View(camera, left, top, inverse_depth, inside)
 
     def window(self, camera: Camera) -> tuple[int, int, int, int]:

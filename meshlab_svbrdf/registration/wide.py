@@ -21,7 +21,10 @@ FEWEST = 10
 
 @dataclass(frozen=True)
 class Signature:
-    """pixels (n, 2) float64 of the whole frame; descriptors (n, 128) float32, unit; largest first."""
+    """The largest features first.
+
+    pixels : (n, 2) float64, of the whole frame; descriptors : (n, 128) float32, unit
+    """
 
     pixels: np.ndarray
     descriptors: np.ndarray
@@ -32,7 +35,7 @@ NOTHING = Signature(np.zeros((0, 2)), np.zeros((0, 128), np.float32))
 
 def describe(image: np.ndarray) -> Signature:
     """A frame's own features; image (h, w) uint8."""
-    found, values = cv2.SIFT_create(FEATURES, contrastThreshold=0.02).detectAndCompute(image, None)
+    found, values = cv2.SIFT.create(FEATURES, contrastThreshold=0.02).detectAndCompute(image, None)
     if values is None:
         return NOTHING
     order = np.argsort([-f.size for f in found], kind="stable")
@@ -54,7 +57,7 @@ def on_surface(signature: Signature, keyframe: Keyframe) -> tuple[np.ndarray, np
 
 
 def pair(signature: Signature, points: np.ndarray, descriptors: np.ndarray):
-    """Pixels (n, 2) of a frame and points (n, 3) whose descriptors are alike, and no other's are."""
+    """Pixels (n, 2) of a frame and points (n, 3) whose descriptors alone are alike."""
     here, there = _alike(descriptors, signature.descriptors)
     return signature.pixels[there], points[here]
 
