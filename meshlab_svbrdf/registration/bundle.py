@@ -17,12 +17,13 @@ from scipy.sparse.linalg import splu
 from ..geometry.camera import Camera
 from .keyframes import Keyframe
 from .match import Matches
-from .pose import OUTLIER, moved, pixel_motion, point_motion
+from .pose import OUTLIER, moved, pixel_motion, point_motion, twist_between
 from .surface import Surface
 
 ROUNDS = 15
 WIDEST = 30.0  # standard deviations at which weights fall at first: loops may have come apart
 DAMPING = 1e-6  # of the diagonal: holds cameras that nothing ties
+HOLD = 0.25  # pixels by which known cameras may be wrong
 TIES = 120  # matches of a frame with a keyframe that the cameras are adjusted to
 LIFT = 4  # rounds after which features are lifted to the surface anew
 DONE = 0.02  # standard deviations of motion below which nothing changes any more
@@ -75,6 +76,7 @@ def adjust(
     keyframes: Sequence[Keyframe],
     matches: Mapping[int, Sequence[Matches]],
     surface: Surface,
+    held: Mapping[int, Camera],
     free_focal: bool = False,
 ) -> Adjusted:
     """Cameras, and keyframes with them, that explain all matches best, outliers aside.
@@ -86,10 +88,14 @@ def adjust(
     ----------
     cameras : by frame, about the surface's centre, the keyframes' among them
     matches : by frame
+    held : the known cameras, by frame: they move by pixels only if the matches insist. What is printed
+        on a plane may slide along it, and all faces of a box's corner may grow from it; then these
+        cameras alone fix the whole
     """
     cameras, keyframes = dict(cameras), list(keyframes)
     order = {frame: at for at, frame in enumerate(cameras)}
     scale, width = 1.0, WIDEST
+    holds = {frame: _hold(camera, surface) for frame, camera in held.items()}
     ties = {frame: [_thinned(each) for each in found] for frame, found in matches.items()}
     for turn in range(ROUNDS):
         system = _System(len(order), free_focal)
@@ -106,11 +112,13 @@ def adjust(
                 system.add(order[frame], order[keyframe.index], r, own, other, focal, weight)
         if not deviations:
             break
+        for frame, camera in held.items():
+            system.hold(order[frame], twist_between(camera, cameras[frame]), holds[frame])
         scale = max(float(np.median(np.concatenate(deviations))) / 1.18, 1.0)
         twists, log_focal = system.solve()
         for frame, at in order.items():
             camera = moved(cameras[frame], twists[at])
-            grown = np.exp(log_focal)
+            grown = float(np.exp(log_focal))
             cameras[frame] = replace(camera, fx=camera.fx * grown, fy=camera.fy * grown)
         if turn % LIFT == 0:
             keyframes = [k.with_camera(cameras[k.index], surface) for k in keyframes]
@@ -120,6 +128,13 @@ def adjust(
             break
         width = max(width / 2, OUTLIER * scale)
     return _judged(cameras, keyframes, matches, order, scale)
+
+
+def _hold(camera: Camera, surface: Surface) -> np.ndarray:
+    """What moving a known camera costs, (6, 6): 1 where the object moves by HOLD pixels, RMS."""
+    points = surface.visible_points(camera) @ camera.R.T + camera.t
+    J = pixel_motion(points, camera) @ point_motion(points)
+    return np.einsum("nij,nik->jk", J, J) / (len(points) * HOLD**2)
 
 
 def _thinned(matches: Matches) -> Matches:
@@ -178,6 +193,12 @@ class _System:
         self.right_focal += b[12:]
         self.pixels[i] += A[:6, :6]
         self.seen[i] += len(r)
+
+    def hold(self, i: int, gone: np.ndarray, cost: np.ndarray) -> None:
+        """Draw camera `i`, which has gone by a twist, back at a cost (6, 6)."""
+        block = self.blocks.setdefault((i, i), np.zeros((6, 6)))
+        block += cost
+        self.right[i] -= cost @ gone
 
     def solve(self) -> tuple[np.ndarray, float]:
         n = 6 * self.count

@@ -18,7 +18,8 @@ from .surface import Surface, View
 MARGIN = 5.0  # pixels from depth jumps and silhouettes within which nothing is detected
 STEEP = 0.25  # cosine between normal and view below which a surface is not looked at
 CLIPPED = 252  # codes: a highlight has no position of its own
-WEAKEST = 25.0  # mean squared contrast per pixel below which there is nothing to be found
+FEWEST = 8  # features of a keyframe
+WEAKEST = 10.0  # mean squared contrast per pixel below which there is nothing to be found
 
 
 @dataclass(frozen=True)
@@ -92,11 +93,13 @@ def make_keyframe(
         return None
     crop = np.ascontiguousarray(view.crop(image))
     pixels = _detect(crop, view, count) + np.array([view.left, view.top])
+    if len(pixels) < FEWEST:
+        return None
     planes, points, normals, ok = lift(view, pixels)
     ok &= np.einsum("ni,ni->n", normals, camera.center - points) > STEEP * np.linalg.norm(
         camera.center - points, axis=1
     )
-    if ok.sum() < 8:
+    if ok.sum() < FEWEST:
         return None
     return Keyframe(
         index, camera, view, crop, pixels[ok], planes[ok], points[ok], normals[ok]

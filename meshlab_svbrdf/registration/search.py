@@ -94,7 +94,7 @@ class InformationSearch:
             if len(found) > 2:
                 rivals = found
         # Whoever comes from elsewhere must get to the same place
-        best, points = found[0], self.surface.visible_vertices(found[0])
+        best, points = found[0], self.surface.visible_points(found[0])
         here = best.project(points)[:, :2]
         apart = [np.sqrt(((r.project(points)[:, :2] - here) ** 2).sum(1).mean()) for r in rivals]
         converged = sum(each < AGREE * rim for each in apart) >= 2
@@ -103,7 +103,7 @@ class InformationSearch:
 
     def _climb(self, step: Comparison, camera: Camera, radius: float, free_focal: bool) -> Camera:
         """The camera of most information nearby (COBYQA: Ragonneau 2022, which needs no slopes)."""
-        points = self.surface.visible_vertices(camera)
+        points = self.surface.visible_points(camera)
         if len(points) < 6:
             return camera
         motions = _Motions(camera, points, free_focal)

@@ -43,7 +43,7 @@ class Surface:
         self.mesh = Mesh(np.asarray(vertices, float), np.ascontiguousarray(faces, np.int32))
         self.center, self.radius = self.mesh.center, self.mesh.radius
         self.vertices, self.faces = self.mesh.vertices - self.center, self.mesh.faces
-        self.front = -self.mesh.winding() if self.mesh.is_closed() else 0
+        self.front = -_outward(self.vertices, self.faces) if self.mesh.is_closed() else 0
         low, high = self.vertices.min(0), self.vertices.max(0)
         self.box = np.stack(np.meshgrid(*np.stack([low, high], 1)), -1).reshape(-1, 3)
 
@@ -75,18 +75,22 @@ class Surface:
         )
         return left, top, right, bottom
 
-    def visible_vertices(self, camera: Camera) -> np.ndarray:
-        """Vertices (n, 3), about the centre, that a camera about the centre sees."""
+    def visible_points(self, camera: Camera, count: int = 1000) -> np.ndarray:
+        """About so many points (n, 3) of the surface, spread over what a camera sees of it."""
         view = self.view(camera, jumps=False)
         if view is None:
             return np.zeros((0, 3))
-        u, v, z = view.camera.project(self.vertices).T
-        h, w = view.inverse_depth.shape
-        ok = (z > 0) & (u > -0.5) & (v > -0.5) & (u < w - 0.5) & (v < h - 0.5)
-        index = np.flatnonzero(ok)
-        seen = view.inverse_depth[np.rint(v[ok]).astype(int), np.rint(u[ok]).astype(int)]
-        with np.errstate(divide="ignore"):
-            return self.vertices[index[(seen > 0) & (z[ok] - 1 / seen < 0.01 * self.radius)]]
+        row, col = np.nonzero(view.inverse_depth)
+        some = slice(0, None, max(len(row) // count, 1))
+        row, col, c = row[some], col[some], view.camera
+        ray = np.column_stack([(col - c.cx) / c.fx, (row - c.cy) / c.fy, np.ones(len(col))])
+        return (ray / view.inverse_depth[row, col, None] - c.t) @ c.R
+
+
+def _outward(vertices: np.ndarray, faces: np.ndarray) -> int:
+    """1 where a closed surface's faces turn counter-clockwise seen from outside; −1: inside out."""
+    a, b, c = (vertices[faces[:, corner]] for corner in range(3))
+    return -1 if np.einsum("ij,ij->", a, np.cross(b, c)) < 0 else 1
 
 
 def _smooth(inverse_depth: np.ndarray, step: float) -> np.ndarray:

@@ -96,7 +96,9 @@ class Tracker:
         """What the adjustment has found takes the place of what was."""
         self.cameras, self.keyframes = adjusted.cameras, adjusted.keyframes
         for index, located in self.located.items():
-            if located.total:
+            if not located.total:
+                self.located[index] = replace(located, camera=self.cameras[index])
+            else:
                 self.located[index] = replace(
                     located, camera=self.cameras[index], inliers=adjusted.inliers[index],
                     residual=adjusted.residual[index], uncertainty=adjusted.uncertainty[index],
