@@ -37,6 +37,8 @@ from meshlab_svbrdf.geometry.harmonics import basis
 from meshlab_svbrdf.geometry.visibility import Rays, remap
 from meshlab_svbrdf.reflectance.directions import directions
 from meshlab_svbrdf.reflectance.labels import palette
+from meshlab_svbrdf.registration.overlay import draw_overlay, feature_edges
+from meshlab_svbrdf.registration.track import register_frames
 from meshlab_svbrdf.rendering.environment_lights import (
     Illumination,
     cut_environment,
@@ -70,6 +72,24 @@ def overview(scene: Scene) -> None:
     sphere = marked_map(document.image("environment").astype(float), scene.lights)
     show(figure.add_subplot(grid[1, 2:]), sphere, "environment map, with the lights found")
     save(figure, "totem.jpg")
+
+
+def registration(scene: Scene) -> None:
+    """Frames with the mesh's lines over them; only the first one's camera was given."""
+    wanted = {f"high_{k:03d}.jpg" for k in range(0, 120, 2)}
+    rasters = [r for r in scene.document.project.rasters if r.label in wanted]
+    frames = [picture(raster.path) for raster in rasters]
+    mesh = scene.mesh
+    found = register_frames(mesh.vertices, mesh.faces, frames, {0: rasters[0].camera})
+    edges = feature_edges(mesh.vertices, mesh.faces)
+    shown = [0, 13, 27, 41]
+    images = [
+        draw_overlay(frames[k], found.cameras[k], mesh.vertices, mesh.faces, edges) for k in shown
+    ]
+    titles = ["the frame that was aligned"] + [
+        f"{2 * k} frames on: residual {found.frames[k].residual:.2f} px" for k in shown[1:]
+    ]
+    save(row_of_images(images, titles), "registration.jpg")
 
 
 def texels(scene: Scene) -> None:
@@ -295,8 +315,8 @@ def relighting(scene: Scene) -> None:
 
 
 PICTURES = (
-    overview, texels, visibility, samples, threshold, environment, diffuse, lights, texel_specular,
-    materials, material_specular, albedo, relighting, rendering,
+    overview, registration, texels, visibility, samples, threshold, environment, diffuse, lights,
+    texel_specular, materials, material_specular, albedo, relighting, rendering,
 )  # fmt: skip
 
 

@@ -9,7 +9,7 @@ import json
 import logging
 import sys
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
@@ -62,7 +62,9 @@ def run(
                 f"the result would replace {project} itself: give another folder or name with -o"
             )
         if not document.project.rasters:
-            raise SvbrdfError(f"{project}: has no rasters; add registered frames in MeshLab")
+            raise SvbrdfError(
+                f"{project}: has no rasters; add them with `meshlab-svbrdf register`, or in MeshLab"
+            )
         document.hold_out(hold_out)
         if preset is not None and not as_json:
             typer.echo(f"preset {preset}: {PRESETS[preset]}")
@@ -82,7 +84,9 @@ def plan(
         check_script(steps)
         document = Document.open(project, output)
         if not document.rasters:
-            raise SvbrdfError(f"{project}: has no rasters; add registered frames in MeshLab")
+            raise SvbrdfError(
+                f"{project}: has no rasters; add them with `meshlab-svbrdf register`, or in MeshLab"
+            )
         made = make_plan(document, steps, given)
         typer.echo(json.dumps(made.to_json(), indent=1) if as_json else "\n".join(made.lines()))
 
@@ -199,13 +203,24 @@ def _planned(
     return made.steps
 
 
-def _run(document: Document, steps: list[Step], force: bool, as_json: bool) -> None:
-    """Run the steps and save; what was finished is saved even if a later step fails."""
+def _run(
+    document: Document,
+    steps: list[Step],
+    force: bool,
+    as_json: bool,
+    later: Callable[[], list[Step]] = list,
+) -> None:
+    """Run the steps and save; what was finished is saved even if a later step fails.
+
+    later : gives further steps when these are done: a plan needs the rasters that they place
+    """
     if not compiled():
         errors.print("compiling kernels, this happens once and takes a minute or two…")
     with _stages(as_json, document) as (say, show):
         try:
             for outcome in run_script(document, steps, force=force, show=show):
+                say(outcome)
+            for outcome in run_script(document, later(), force=force, show=show):
                 say(outcome)
         finally:
             interrupted = isinstance(sys.exception(), KeyboardInterrupt)
