@@ -89,8 +89,8 @@ def adjust(
     cameras : by frame, about the surface's centre, the keyframes' among them
     matches : by frame
     held : the known cameras, by frame: they move by pixels only if the matches insist. What is
-        printed on a plane may slide along it, and all faces of a box's corner may grow from it; then
-        these cameras alone fix the whole
+        printed on a plane may slide along it, and all faces of a box's corner may grow from it;
+        then these cameras alone fix the whole
     """
     cameras, keyframes = dict(cameras), list(keyframes)
     order = {frame: at for at, frame in enumerate(cameras)}
