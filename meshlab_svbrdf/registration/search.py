@@ -75,9 +75,9 @@ class InformationSearch:
                 f"not {image.shape[1]}×{image.shape[0]}"
             )
         image = cv2.cvtColor(image, cv2.COLOR_GRAY2RGB) if image.ndim == 2 else image
-        start = camera.about(self.surface.center)
+        start = self.surface.inner(camera)
         rivals: list[Camera] = []
-        rim = start.fx * self.surface.radius / max(start.t[2], 1e-9)
+        rim = start.fx / max(start.t[2], 1e-9)
         window = self._window(start)
         sizes = sorted({max(round(rim / size), 1) for size in SIZES}, reverse=True)
         steps = [
@@ -99,7 +99,7 @@ class InformationSearch:
         apart = [np.sqrt(((r.project(points)[:, :2] - here) ** 2).sum(1).mean()) for r in rivals]
         converged = sum(each < AGREE * rim for each in apart) >= 2
         score = steps[-1].information(steps[-1].faces(best))
-        return Refined(best.about(-self.surface.center), float(score), converged)
+        return Refined(self.surface.outer(best), float(score), converged)
 
     def _climb(self, step: Comparison, camera: Camera, radius: float, free_focal: bool) -> Camera:
         """The camera of most information nearby (COBYQA: Ragonneau 2022, which needs no slopes)."""
