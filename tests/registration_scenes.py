@@ -57,7 +57,7 @@ def draw(
     normals = np.cross(b - a, c - a)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     n = normals[face[row, col]]
-    shade = 0.55 + 0.45 * np.clip(n @ [0.36, 0.8, 0.48], -0.5, 1)
+    shade = 0.7 + 0.3 * np.clip(n @ [0.36, 0.8, 0.48], -0.5, 1)
     view = camera.center - points
     view /= np.linalg.norm(view, axis=1, keepdims=True)
     mirrored = 2 * np.sum(n * view, 1, keepdims=True) * n - view

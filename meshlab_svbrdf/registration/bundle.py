@@ -22,7 +22,7 @@ from .surface import Surface
 
 ROUNDS = 15
 WIDEST = 30.0  # standard deviations at which weights fall at first: loops may have come apart
-DAMPING = 1e-6  # of the diagonal: holds cameras that nothing ties
+DAMPING = 1e-9  # of the diagonal: holds cameras that nothing ties
 HOLD = 0.25  # pixels by which known cameras may be wrong
 TIES = 120  # matches of a frame with a keyframe that the cameras are adjusted to
 LIFT = 4  # rounds after which features are lifted to the surface anew
@@ -86,7 +86,7 @@ def adjust(
 
     Parameters
     ----------
-    cameras : by frame, about the surface's centre, the keyframes' among them
+    cameras : by frame, in the scaled world, the keyframes' among them
     matches : by frame
     held : the known cameras, by frame: they move by pixels only if the matches insist. What is
         printed on a plane may slide along it, and all faces of a box's corner may grow from it;

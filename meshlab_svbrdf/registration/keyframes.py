@@ -24,12 +24,12 @@ WEAKEST = 10.0  # mean squared contrast per pixel below which there is nothing t
 
 @dataclass(frozen=True)
 class Keyframe:
-    """A frame, its camera (about the surface's centre) and its features.
+    """A frame, its camera (in the scaled world) and its features.
 
     index : of the frame
     image : (h, w) uint8, the view's crop
     pixels : (n, 2) in the whole image; planes : (n, 3), q in camera coordinates with q · point = 1
-    points : (n, 3) about the surface's centre; normals : (n, 3) unit
+    points : (n, 3) in the scaled world; normals : (n, 3) unit
     """
 
     index: int
@@ -136,7 +136,7 @@ def lift(view: View, pixels: np.ndarray):
     Returns
     -------
     planes : (n, 3), the tangent plane in camera coordinates, q · point = 1
-    points : (n, 3) about the surface's centre; normals : (n, 3) unit, towards the camera
+    points : (n, 3) in the scaled world; normals : (n, 3) unit, towards the camera
     ok : (n,) bool, whether there is surface
     """
     camera, w = view.camera, view.inverse_depth

@@ -25,7 +25,7 @@ FAINT = 0.02  # affinity below which a keyframe is no help
 
 @dataclass(frozen=True)
 class Located:
-    """A frame's camera about the surface's centre, and what it rests upon.
+    """A frame's camera in the scaled world, and what it rests upon.
 
     matches : per keyframe, those that are not grossly wrong: which of them are right only the
         adjustment of all cameras can tell
@@ -65,7 +65,7 @@ def locate(
 ) -> Located | str:
     """The camera of a frame, or in words why there is none.
 
-    image : (h, w) uint8; guess : about the surface's centre, wrong by some tens of pixels at most
+    image : (h, w) uint8; guess : in the scaled world, wrong by some tens of pixels at most
     """
     for _ in range(ROUNDS):
         view = surface.view(guess)
@@ -75,7 +75,7 @@ def locate(
         if not chosen:
             return "no keyframe sees this side of the object"
         frame = target(image, view)
-        found = [match(keyframes[at], at, frame, surface) for _, at in chosen]
+        found = [match(keyframes[at], at, frame) for _, at in chosen]
         fit = _fit(found, keyframes, guess)
         total = sum(map(len, found))
         if fit is None or total < FEWEST:

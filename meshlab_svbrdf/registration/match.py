@@ -13,7 +13,7 @@ import numpy as np
 
 from .contrast import normalise, structure_at
 from .keyframes import CLIPPED, STEEP, Keyframe
-from .surface import Surface, View
+from .surface import View
 from .warp import warp
 
 WINDOW = 21  # pixels
@@ -66,14 +66,14 @@ def target(image: np.ndarray, view: View) -> Target:
     return Target(view, crop, normalise(crop, (view.inverse_depth > 0).view(np.uint8)))
 
 
-def match(keyframe: Keyframe, position: int, frame: Target, surface: Surface) -> Matches:
+def match(keyframe: Keyframe, position: int, frame: Target) -> Matches:
     """The keyframe's features in a frame whose view is nearly known.
 
     position : of the keyframe in its list
     """
     view, crop = frame.view, frame.crop
-    carried, valid = warp(keyframe.image, keyframe.view, view, OCCLUSION * surface.radius)
-    feature, expected = _expected(keyframe, view, valid, surface)
+    carried, valid = warp(keyframe.image, keyframe.view, view, OCCLUSION)
+    feature, expected = _expected(keyframe, view, valid)
     if len(feature) == 0:
         return Matches(position, feature, expected, np.zeros((0, 2, 2)))
     predicted = normalise(carried, valid)
@@ -102,7 +102,7 @@ def _flow(here: np.ndarray, there: np.ndarray, places: np.ndarray):
     return np.asarray(found), np.asarray(ok)[:, 0] > 0
 
 
-def _expected(keyframe: Keyframe, view: View, valid: np.ndarray, surface: Surface):
+def _expected(keyframe: Keyframe, view: View, valid: np.ndarray):
     """Features that the view sees well, (n,), and where in its crop, (n, 2)."""
     u, v, z = view.camera.project(keyframe.points).T
     towards = view.camera.center - keyframe.points
@@ -116,7 +116,7 @@ def _expected(keyframe: Keyframe, view: View, valid: np.ndarray, surface: Surfac
     inside = cv2.distanceTransform(valid, cv2.DIST_L2, 3)
     depth = view.inverse_depth[row, col]
     ok = (inside[row, col] >= WINDOW / 3) & (view.inside[row, col] >= WINDOW / 4) & (depth > 0)
-    ok[ok] = np.abs(z[index[ok]] - 1 / depth[ok]) < OCCLUSION * surface.radius
+    ok[ok] = np.abs(z[index[ok]] - 1 / depth[ok]) < OCCLUSION
     index = index[ok]
     return index, np.column_stack([u[index], v[index]])
 

@@ -48,7 +48,7 @@ def face_predictors(surface: Surface) -> np.ndarray:
 def ambient_occlusion(surface: Surface) -> np.ndarray:
     """The cosine-weighted share of the upper hemisphere that each vertex sees, (V,) float64."""
     rays, normals = Rays(surface.mesh), surface.mesh.vertex_normals()
-    origins = surface.vertices + OFF_SURFACE * surface.radius * normals
+    origins = surface.vertices + OFF_SURFACE * normals
     total, free = np.zeros(len(normals)), np.zeros(len(normals))
     for direction in spread_directions(RAYS):
         cos = normals @ direction
@@ -91,7 +91,7 @@ class Comparison:
     Parameters
     ----------
     predictors : see `face_predictors`
-    image : (h, w, 3) uint8; camera : of whole frames, about the surface's centre
+    image : (h, w, 3) uint8; camera : of whole frames, in the scaled world
     times : by which the frame is reduced
     window : left, top, right, bottom of the part of the whole frame that is compared
     alike : what is unexplained on and beside the object is taken as one

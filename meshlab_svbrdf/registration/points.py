@@ -36,7 +36,7 @@ def solve_camera_from_points(
     ------
     ValueError : too few points, or no camera sees them so.
     """
-    points3d, points2d = np.asarray(points3d, float), np.asarray(points2d, float)
+    points3d, points2d = (np.ascontiguousarray(p, float) for p in (points3d, points2d))
     if points3d.shape != (len(points3d), 3) or points2d.shape != (len(points3d), 2):
         raise ValueError(
             f"points: expected (n, 3) and (n, 2), not {points3d.shape} and {points2d.shape}"

@@ -17,8 +17,10 @@ from .surface import Surface
 SIZES = (60, 120, 240)  # pixels that the object's radius has at each step, from coarse to fine
 REACH = 0.09  # radians, or share of the distance, by which a start may be off
 TRIALS = 300  # cameras that are looked at before the search
-KEPT = (10, 4, 2)  # of them, that each step improves
-AGREE = 0.015  # of the object's radius in the frame, within which two searches must end
+KEPT = (12, 5, 2)  # of them, that each step improves
+AGREE = 0.015  # of the object's radius in the frame, within which two searches end alike
+NEAREST = 1.5  # pixels; the same, where the object is small
+AHEAD = 0.02  # nats a pixel, by which another place must be worse, and no object at all
 
 
 class Refined(NamedTuple):
@@ -75,31 +77,32 @@ class InformationSearch:
                 f"not {image.shape[1]}×{image.shape[0]}"
             )
         image = cv2.cvtColor(image, cv2.COLOR_GRAY2RGB) if image.ndim == 2 else image
-        start = camera.about(self.surface.center)
-        rivals: list[Camera] = []
-        rim = start.fx * self.surface.radius / max(start.t[2], 1e-9)
+        start = self.surface.inner(camera)
+        rim = start.fx / max(start.t[2], 1e-9)
         window = self._window(start)
-        sizes = sorted({max(round(rim / size), 1) for size in SIZES}, reverse=True)
         steps = [
-            Comparison(self.surface, self.predictors, image, times, window, times == sizes[-1])
-            for times in sizes
-        ]
+            Comparison(
+                self.surface, self.predictors, image, max(round(rim / size), 1), window,
+                alike=size == SIZES[-1],
+            )
+            for size in SIZES
+        ]  # fmt: skip
         # From coarse to fine, with fewer and fewer of those that may be it
-        found = _spread(_shifted(steps[0], start), steps[0])
-        for step, kept in zip(steps, KEPT[-len(steps) :], strict=True):
+        found, rivals = _spread(_shifted(steps[0], start), steps[0]), []
+        for step, kept in zip(steps, KEPT, strict=True):
             radius = REACH * rim / 4 if step is steps[0] else 4.0 * step.times
-            found = [self._climb(step, each, radius, free_focal) for each in found[:kept]]
-            told = [step.information(step.faces(camera)) for camera in found]
-            found = [found[at] for at in np.argsort(told)[::-1]]
-            if len(found) > 2:
-                rivals = found
-        # Whoever comes from elsewhere must get to the same place
-        best, points = found[0], self.surface.visible_points(found[0])
-        here = best.project(points)[:, :2]
-        apart = [np.sqrt(((r.project(points)[:, :2] - here) ** 2).sum(1).mean()) for r in rivals]
-        converged = sum(each < AGREE * rim for each in apart) >= 2
-        score = steps[-1].information(steps[-1].faces(best))
-        return Refined(best.about(-self.surface.center), float(score), converged)
+            climbed = [self._climb(step, each, radius, free_focal) for each in found[:kept]]
+            told = [(step.information(step.faces(camera)), camera) for camera in climbed]
+            told.sort(key=lambda pair: -pair[0])
+            found = [camera for _, camera in told]
+            if step is not steps[-1]:
+                rivals = told
+        score = steps[-1].information(steps[-1].faces(found[0]))
+        near = max(AGREE * rim, NEAREST)
+        converged = score > AHEAD and _clear(
+            found[0], rivals, self.surface.visible_points(found[0]), near
+        )
+        return Refined(self.surface.outer(found[0]), score, converged)
 
     def _climb(self, step: Comparison, camera: Camera, radius: float, free_focal: bool) -> Camera:
         """The camera of most information nearby (COBYQA: Ragonneau 2022, which needs no slopes)."""
@@ -125,6 +128,23 @@ class InformationSearch:
             max(left - more, 0), max(top - more, 0),
             min(right + more, camera.width), min(bottom + more, camera.height),
         )  # fmt: skip
+
+
+def _clear(
+    best: Camera, rivals: list[tuple[float, Camera]], points: np.ndarray, near: float
+) -> bool:
+    """Whether the last but one step has led to the same camera, from elsewhere too or far ahead.
+
+    rivals : what that step has found, information and camera, best first
+    points : (n, 3) of the object; near : pixels, RMS, that are the same place
+    """
+    here = best.project(points)[:, :2]
+    miss = [np.sqrt(((c.project(points)[:, :2] - here) ** 2).sum(1).mean()) for _, c in rivals]
+    same = np.array(miss) < near
+    told = np.array([information for information, _ in rivals])
+    if not same[0]:
+        return False
+    return bool(same.sum() >= 2 or told[0] - told[~same].max(initial=-np.inf) > AHEAD)
 
 
 def _spread(camera: Camera, step: Comparison) -> list[Camera]:

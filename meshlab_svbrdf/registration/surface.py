@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -18,7 +18,7 @@ JUMP = 0.03  # depth step between neighbouring pixels that counts as a jump, in 
 class View:
     """The part of an image in which the object may be, and its depth there.
 
-    camera : of the crop, about the surface's centre
+    camera : of the crop, in the scaled world
     left, top : the crop's first column and row in the whole image
     inverse_depth : (h, w) float32, 1/z; 0 where nothing is seen
     inside : (h, w) float32, pixels to the nearest depth jump, silhouette or border of the image
@@ -37,18 +37,34 @@ class View:
 
 
 class Surface:
-    """A mesh prepared for many renderings; its points are held about the mesh's centre."""
+    """A mesh prepared for many renderings, moved to the origin and scaled to radius 1.
+
+    So no threshold depends on where the scan lies, nor on its units. All cameras but those that
+    `inner` takes and `outer` gives are in this scaled world.
+    """
 
     def __init__(self, vertices: np.ndarray, faces: np.ndarray) -> None:
-        self.mesh = Mesh(np.asarray(vertices, float), np.ascontiguousarray(faces, np.int32))
-        self.center, self.radius = self.mesh.center, self.mesh.radius
-        self.vertices, self.faces = self.mesh.vertices - self.center, self.mesh.faces
+        given = Mesh(np.asarray(vertices, float), np.ascontiguousarray(faces, np.int32))
+        if not given.radius > 0:
+            raise ValueError("vertices: expected a mesh that has an extent")
+        self.center, self.scale = given.center, given.radius
+        self.mesh = replace(given, vertices=(given.vertices - self.center) / self.scale)
+        self.vertices, self.faces = self.mesh.vertices, self.mesh.faces
         self.front = -_outward(self.vertices, self.faces) if self.mesh.is_closed() else 0
         low, high = self.vertices.min(0), self.vertices.max(0)
         self.box = np.stack(np.meshgrid(*np.stack([low, high], 1)), -1).reshape(-1, 3)
 
+    def inner(self, camera: Camera) -> Camera:
+        """A camera of the world as one of the scaled world."""
+        camera = camera.about(self.center)
+        return replace(camera, t=camera.t / self.scale)
+
+    def outer(self, camera: Camera) -> Camera:
+        """The inverse of `inner`."""
+        return replace(camera, t=camera.t * self.scale).about(-self.center)
+
     def view(self, camera: Camera, jumps: bool = True) -> View | None:
-        """What a camera about the centre sees; None where the object is out of its sight.
+        """What a camera sees; None where the object is out of its sight.
 
         jumps : find depth jumps; else `inside` is left empty
         """
@@ -59,7 +75,7 @@ class Surface:
         inverse_depth = rasterise_depth(self.vertices, self.faces, camera, self.front)
         inside = np.zeros((0, 0), np.float32)
         if jumps:
-            smooth = _smooth(inverse_depth, JUMP * self.radius)
+            smooth = _smooth(inverse_depth, JUMP)
             inside = np.asarray(cv2.distanceTransform(smooth, cv2.DIST_L2, 3))
         return View(camera, left, top, inverse_depth, inside)
 

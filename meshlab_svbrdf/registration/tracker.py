@@ -1,6 +1,6 @@
 """What is known while frames are registered: cameras, keyframes, and what each frame rests upon.
 
-Everything here is about the surface's centre, at the size that frames are tracked at.
+Everything here is in the surface's scaled world, at the size that frames are tracked at.
 """
 
 from __future__ import annotations
@@ -129,7 +129,7 @@ class Tracker:
 
     def inner(self, camera: Camera) -> Camera:
         """A camera of whole frames in the world, as it is used here."""
-        inner = camera.reduced(self.times).about(self.surface.center)
+        inner = self.surface.inner(camera.reduced(self.times))
         return replace(
             inner, width=camera.width // self.times, height=camera.height // self.times
         )  # fmt: skip
@@ -138,7 +138,7 @@ class Tracker:
         """The inverse of `inner`."""
         return replace(
             self.whole, fx=camera.fx * self.times, fy=camera.fy * self.times, R=camera.R,
-            t=camera.t - camera.R @ self.surface.center,
+            t=self.surface.outer(camera).t,
         )  # fmt: skip
 
     def _frame(self, index: int) -> FrameResult:
