@@ -96,7 +96,10 @@ def wanted(arguments: argparse.Namespace, ledger: Ledger) -> tuple[list[Task], l
         tasks += found
         notes.extend(missing)
     if registration.PART in parts:
-        tasks += registration.tasks(cases([LONG]), cases([PHOTOGRAPHS]), arguments.cache)
+        found_cases = cases([LONG, PHOTOGRAPHS])
+        films = [case for case in found_cases if case.name != PHOTOGRAPHS]
+        stills = [case for case in found_cases if case.name == PHOTOGRAPHS]
+        tasks += registration.tasks(films, stills, arguments.cache)
     return tasks, list(dict.fromkeys(notes))
 
 

@@ -55,7 +55,7 @@ def draw(
     points = (ray / inverse_depth[row, col, None] - camera.t) @ camera.R
     a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
     normals = np.cross(b - a, c - a)
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True).clip(1e-300)
     n = normals[face[row, col]]
     shade = 0.7 + 0.3 * np.clip(n @ [0.36, 0.8, 0.48], -0.5, 1)
     view = camera.center - points
