@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from meshlab_svbrdf.document.document import Document
 from meshlab_svbrdf.errors import SvbrdfError
 from meshlab_svbrdf.filter import Filter, Namespace, Parameter
 from meshlab_svbrdf.progress import Progress
-from meshlab_svbrdf.reflectance.edit import merge
+from meshlab_svbrdf.reflectance.material_edits import Merge
 
-from ._materials import cluster_at, read_labels, set_labels
+from ._materials import apply_edits, cluster_at, read_labels
 
 FILTER = Filter(
     name="apply_svbrdf_material_merge",
@@ -42,6 +40,5 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
     ids = list(dict.fromkeys(ids))
     if len(ids) < 2:
         raise SvbrdfError(f"merging needs two clusters or more, and {ids or 'none'} was named")
-    return f"merged {', '.join(map(str, ids))}; " + set_labels(
-        document, texels, np.asarray(merge(labels, ids))
-    )
+    said = apply_edits(document, [Merge(tuple(sorted(ids)))], progress)
+    return f"merged {', '.join(map(str, ids))}; {said}"

@@ -1,4 +1,4 @@
-"""The shell: `meshlab-svbrdf register | run | plan | apply | filters | presets | info | render` …
+"""The shell: `meshlab-svbrdf register | run | plan | apply | info | render | view | bench` …
 
 What the commands are called and take. `commands.py` does it, and is imported when one is run, so
 that `--help` comes at once.
@@ -281,6 +281,23 @@ def render(
     from . import commands
 
     commands.render(project, cameras, output, lights, environment, turn, exposure, as_json)
+
+
+@app.command()
+def view(
+    project: Project,
+    port: Annotated[
+        int, typer.Option(help="Of the page, on this machine alone; 0: a free one.", max=65535)
+    ] = 0,
+    browser: Annotated[bool, typer.Option(help="Open the page in a browser.")] = True,
+) -> None:
+    """Show PROJECT's object in a browser, to pick, merge, split and name its materials by hand.
+
+    Saved edits go back into PROJECT: the next filter takes them.
+    """
+    from . import commands
+
+    commands.view(project, port, browser)
 
 
 app.command()(bench)

@@ -183,6 +183,14 @@ def render(
             say(document.apply(RELIGHTING, False, show("render"), **parameters))
 
 
+def view(project: Path, port: int, browser: bool) -> None:
+    """Serve PROJECT's materials as a page, until it is interrupted."""
+    from .viewing.command import serve
+
+    with _friendly():
+        serve(project, port, browser, typer.echo)
+
+
 def _open(project: Path, output: Path | None, layer: str) -> Document:
     document = Document.open(project, output)
     if layer != document.settings.get("object", ""):
@@ -324,7 +332,7 @@ def _tell(document: Document) -> dict[str, Any]:
         "held_out_labels": [raster.label for raster in document.held_out],
         "results": str(document.folder),
         "products": products,
-        "materials": document.json("materials")["materials"] if has_materials else [],
+        "materials": _named(document) if has_materials else [],
     }
 
 
@@ -337,9 +345,19 @@ def _videos(document: Document) -> list[dict[str, Any]]:
     ]
 
 
+def _named(document: Document) -> list[dict[str, Any]]:
+    """The materials of materials.json, with their names where they were given."""
+    from .filters._materials import read_names
+
+    names = read_names(document)
+    materials = document.json("materials")["materials"]
+    return [m | ({"name": names[m["id"]]} if m["id"] in names else {}) for m in materials]
+
+
 def _material_line(material: dict[str, Any]) -> str:
     """A row of the material table: ρs and α, or why there are none."""
-    line = f"material {material['id']}: {material['texels']:,} texels, "
+    name = f" ({material['name']})" if "name" in material else ""
+    line = f"material {material['id']}{name}: {material['texels']:,} texels, "
     if not material["observed"]:
         return f"{line}unobserved: {material['reason']}"
     return f"{line}rho_s {material['rho_s']:.4g}, alpha {material['alpha']:.4g}"

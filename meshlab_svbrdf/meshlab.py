@@ -201,6 +201,7 @@ def fingerprint(mesh: pymeshlab.Mesh) -> Fingerprint:
         geometry.append(mesh.wedge_tex_coord_matrix())
     looks = [mesh.vertex_color_array()] if mesh.has_vertex_color() else []
     looks += [mesh.vertex_scalar_array()] if mesh.has_vertex_scalar() else []
+    looks += [mesh.face_selection_array()] if mesh.selected_face_number() else []
     textures = hashlib.sha256()
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "texture.bmp"
@@ -295,7 +296,8 @@ def pull(meshes: pymeshlab.MeshSet, identity: int, attributes: tuple[str, ...] =
         _MeshSet.set_current_mesh(meshes, current)
     values = {name: _attribute(mesh, name) for name in attributes}
     kept = {name: array for name, array in values.items() if array is not None}
-    return replace(content, vertex_attributes=kept, textures=())
+    selected = mesh.face_selection_array() if mesh.selected_face_number() else None
+    return replace(content, vertex_attributes=kept, textures=(), face_selected=selected)
 
 
 def _attribute(mesh: pymeshlab.Mesh, name: str) -> np.ndarray | None:

@@ -21,6 +21,7 @@ class MeshFile:
     vertex_attributes : custom scalars (V,) or vectors (V, k) by name
     vertex_color : (V, 4) uint8 R, G, B, A, or None
     quality : (V,), or None
+    face_color : (F, 4) uint8, or None; face_selected : (F,) bool, or None: read, never written
     """
 
     mesh: Mesh
@@ -28,6 +29,8 @@ class MeshFile:
     vertex_attributes: dict[str, np.ndarray] = field(default_factory=dict)
     vertex_color: np.ndarray | None = None
     quality: np.ndarray | None = None
+    face_color: np.ndarray | None = None
+    face_selected: np.ndarray | None = None
 
 
 def fan(counts: np.ndarray, path: Path) -> tuple[np.ndarray, np.ndarray]:

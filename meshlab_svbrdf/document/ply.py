@@ -21,6 +21,8 @@ UV_NAMES = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"), ("texture_s", "t
 OWN_NAMES = {*XYZ, *NORMAL, *RGBA, "quality", "flags"}
 ATTRIBUTE_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,99}")
 PLY_TYPES = {"u1": "uchar", "i4": "int", "f4": "float", "f8": "double"}
+SELECTED = 0x20
+"""The bit of a face's flags, as MeshLab writes them, that says it is selected."""
 FAR = 64  # radii from the origin: from there on float32 positions lose what fine texels need
 
 
@@ -34,7 +36,8 @@ def read_ply(path: Path) -> MeshFile:
     if not set(XYZ) <= set(vertex):
         raise DocumentError(f"{path}: has no vertices with x, y, z")
     vertices = _stack(vertex, XYZ)
-    faces, uv, texture_index = _read_faces(elements.get("face", Element("face", 0)), path)
+    element = elements.get("face", Element("face", 0))
+    faces, uv, texture_index, polygon = _read_faces(element, path)
 
     # Take texture coordinates per wedge, else per vertex
     used = set(OWN_NAMES)
@@ -61,6 +64,8 @@ def read_ply(path: Path) -> MeshFile:
         vertex_attributes={n: _attribute(c, n, path) for n, c in vertex.items() if n not in used},
         vertex_color=color,
         quality=None if quality is None else _attribute(quality, "quality", path),
+        face_color=_face_color(element, polygon, path),
+        face_selected=_face_selected(element, polygon, path),
     )
 
 
@@ -141,14 +146,15 @@ def write_ply(
 
 def _read_faces(
     element: Element, path: Path
-) -> tuple[np.ndarray, np.ndarray | None, np.ndarray | None]:
-    """Triangles (F, 3), wedge coordinates (F, 3, 2) and texture (F,) where the file has them."""
+) -> tuple[np.ndarray, np.ndarray | None, np.ndarray | None, np.ndarray]:
+    """Triangles (F, 3), wedge coordinates (F, 3, 2) and texture (F,) where the file has them, and
+    of each triangle its polygon."""
     columns = element.columns
     corners = columns.get("vertex_indices", columns.get("vertex_index"))
     if corners is None:
         if element.count:
             raise DocumentError(f"{path}: its faces have no vertex_indices")
-        return np.empty((0, 3), np.int32), None, None
+        return np.empty((0, 3), np.int32), None, None, np.empty(0, np.int64)
     if not isinstance(corners, Lists):
         raise DocumentError(f"{path}: its vertex_indices are not lists")
     polygon, triangle = fan(corners.counts, path)
@@ -157,7 +163,7 @@ def _read_faces(
     index = None if texture is None else _integers(texture, f"{path}: texnumber")[polygon]
     texcoord = columns.get("texcoord")
     if not isinstance(texcoord, Lists) or not len(texcoord.values):
-        return faces, None, index
+        return faces, None, index, polygon
 
     # Faces without coordinates get zeros and no texture
     has = texcoord.counts > 0
@@ -171,7 +177,22 @@ def _read_faces(
     flat[np.repeat(has, corners.counts)] = texcoord.values.reshape(-1, 2)
     if not has.all():
         index = np.where(has[polygon], 0 if index is None else index, -1).astype(np.int32)
-    return faces, flat[triangle], index
+    return faces, flat[triangle], index, polygon
+
+
+def _face_color(element: Element, polygon: np.ndarray, path: Path) -> np.ndarray | None:
+    columns = element.columns
+    if not set(RGBA[:3]) <= set(columns):
+        return None
+    channels = _stack(columns, RGBA if "alpha" in columns else RGBA[:3])
+    return _rgba(_integers(channels, f"{path}: face colour", 0, 255).astype(np.uint8))[polygon]
+
+
+def _face_selected(element: Element, polygon: np.ndarray, path: Path) -> np.ndarray | None:
+    flags = element.columns.get("flags")
+    if flags is None or isinstance(flags, Lists):
+        return None
+    return (_integers(flags, f"{path}: face flags")[polygon] & SELECTED) > 0
 
 
 def _integers(

@@ -130,6 +130,16 @@ class Products:
         """Where to write a file of any other kind, by its place in the folder."""
         return self._stage(entry)
 
+    # Scripts
+
+    def find_script(self, name: str) -> Path | None:
+        """Where NAME.mlx is, or None."""
+        return self._look(f"{name}.mlx")
+
+    def stage_script(self, name: str) -> Path:
+        """Where to write NAME.mlx, a script of what made a product."""
+        return self._stage(f"{name}.mlx")
+
     # Images
 
     def map(self, name: str, kind: ImageKind = "exr") -> list[np.ndarray]:

@@ -9,12 +9,11 @@ from collections.abc import Iterable
 from itertools import pairwise
 
 import numpy as np
-from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
 from meshlab_svbrdf.errors import SvbrdfError
-from meshlab_svbrdf.geometry.adjacency import components, spacing
+from meshlab_svbrdf.geometry.surface_graph import SurfaceGraph
 
 # A point farther than this from every texel, in texel spacings, is not on the object.
 OFF_THE_OBJECT = 10.0
@@ -22,6 +21,8 @@ OFF_THE_OBJECT = 10.0
 # Half the stroke's width in lengths of an edge, 1.2 spacings on a square grid: no edge of the graph
 # (at most 2.5 spacings) crosses it with both ends outside.
 HALF_WIDTH = 1.5
+RINGS = 3
+"""Of neighbours around the stroke, within which all lies that is so near."""
 
 # Fewer texels than this between stroke and border are fringe, not a part.
 SMALLEST_PART = 10
@@ -45,7 +46,36 @@ def pick(positions: np.ndarray, point: np.ndarray) -> int:
 
     Raises SvbrdfError when the point is farther from it than 10 texel spacings.
     """
-    return int(_on_object(cKDTree(positions), np.reshape(point, (1, 3)), spacing(positions))[0])
+    return pick_on(SurfaceGraph(positions, positions), point)
+
+
+def pick_on(surface: SurfaceGraph, point: np.ndarray) -> int:
+    """`pick` on a surface that is kept."""
+    return int(_on_object(surface, np.reshape(point, (1, 3)))[0])
+
+
+def carve(labels: np.ndarray, chosen: np.ndarray, cluster: int = -1) -> np.ndarray:
+    """Make the texels `chosen` (T,) bool a material of their own, `labels.max() + 1`.
+
+    cluster : only those of this material; -1: those of any, so that what was painted is one
+
+    Raises SvbrdfError for an unknown material, and where nothing, or all of it, would be taken.
+    """
+    if cluster >= 0:
+        _check_material(labels, cluster)
+        inside = labels == cluster
+    else:
+        inside = labels >= 0
+    taken = inside & chosen
+    what = f"material {cluster}" if cluster >= 0 else "any material"
+    if not taken.any():
+        raise SvbrdfError(f"what was chosen holds no texel of {what}: nothing to split off")
+    whole = np.unique(labels[taken])
+    if len(whole) == 1 and taken.sum() == np.count_nonzero(labels == whole[0]):
+        raise SvbrdfError(
+            f"what was chosen is all of material {whole[0]}: choose a part of it to split off"
+        )
+    return np.where(taken, labels.max() + 1, labels).astype(np.int32)
 
 
 def split(
@@ -77,9 +107,16 @@ def split(
     SvbrdfError : unknown material, stroke not on the object or not over the material, points that
         the surface does not connect, or a stroke that divides nothing, with how far it got
     """
+    return split_on(SurfaceGraph(positions, normals, adjacency), labels, cluster, stroke)
+
+
+def split_on(
+    surface: SurfaceGraph, labels: np.ndarray, cluster: int, stroke: np.ndarray
+) -> np.ndarray:
+    """`split` on a surface that is kept from stroke to stroke."""
     _check_material(labels, cluster)
-    path = _over_surface(stroke, positions, normals, adjacency)
-    ribbon = _ribbon(path, positions, adjacency)
+    path = _over_surface(stroke, surface)
+    ribbon = _ribbon(path, surface)
     inside = labels == cluster
     if not (ribbon & inside).any():
         raise SvbrdfError(
@@ -87,9 +124,9 @@ def split(
         )
 
     # Take the ribbon out of the pieces that it touches
-    piece = components(*adjacency, inside)
+    piece = surface.components(inside)
     touched = np.isin(piece, np.unique(piece[ribbon & inside])) & inside
-    part = components(*adjacency, touched & ~ribbon)
+    part = surface.components(touched & ~ribbon)
     count = np.bincount(part[part >= 0], minlength=1)
     part[(part >= 0) & (count[part] < SMALLEST_PART)] = -1
     order = [p for p in np.argsort(-count, kind="stable") if count[p] >= SMALLEST_PART]
@@ -99,8 +136,8 @@ def split(
     largest = {of_piece[p]: p for p in reversed(order)}
     severed = [p for p in order if largest[of_piece[p]] != p]
     if not severed:
-        raise SvbrdfError(_not_divided(cluster, path, inside, positions))
-    part = _nearest_part(part, touched, positions, adjacency)
+        raise SvbrdfError(_not_divided(cluster, path, inside, surface.position))
+    part = _nearest_part(part, touched, surface)
     result = labels.astype(np.int32)
     for new, p in enumerate(severed, int(labels.max()) + 1):
         result[part == p] = new
@@ -114,14 +151,14 @@ def _check_material(labels: np.ndarray, material: int) -> None:
         raise SvbrdfError(f"there is no material {material}; there are: {some or 'none'}")
 
 
-def _on_object(tree: cKDTree, points: np.ndarray, unit: float) -> np.ndarray:
+def _on_object(surface: SurfaceGraph, points: np.ndarray) -> np.ndarray:
     """Nearest texel of each point (S, 3); all must be near the object."""
-    if not tree.n:
+    if not len(surface):
         raise SvbrdfError("there are no texels to pick from")
     if not np.isfinite(points).all():
         raise SvbrdfError("a point on the object must be three finite numbers")
-    distance, texel = tree.query(points)
-    worst = int(distance.argmax())
+    distance, texel = surface.tree.query(points)
+    worst, unit = int(distance.argmax()), surface.unit
     if unit > 0 and distance[worst] > OFF_THE_OBJECT * unit:
         raise SvbrdfError(
             f"point {worst} {points[worst].tolist()} lies {distance[worst]:.4g} off the object, "
@@ -130,32 +167,33 @@ def _on_object(tree: cKDTree, points: np.ndarray, unit: float) -> np.ndarray:
     return texel
 
 
-def _over_surface(stroke, positions, normals, adjacency) -> np.ndarray:
+def _over_surface(stroke: np.ndarray, surface: SurfaceGraph) -> np.ndarray:
     """Texels (P,) along the stroke, neighbours each to the next."""
     stroke = np.asarray(stroke, float)
     if stroke.ndim != 2 or stroke.shape[1] != 3 or len(stroke) < 2:
         raise SvbrdfError(f"a stroke needs two or more points (S, 3), got shape {stroke.shape}")
-    tree = cKDTree(positions)
-    unit = spacing(positions)
-    texels = _on_object(tree, stroke, unit)
+    texels = _on_object(surface, stroke)
     path = [texels[:1]]
     for start, end in pairwise(texels):
         if start != end:
-            path.append(_straightest(start, end, tree, unit, positions, normals, adjacency)[1:])
+            path.append(_straightest(start, end, surface)[1:])
     return np.concatenate(path)
 
 
-def _straightest(start, end, tree, unit, positions, normals, adjacency) -> np.ndarray:
+def _straightest(start: int, end: int, surface: SurfaceGraph) -> np.ndarray:
     """Texels from start to end, over the surface and near the plane that both normals span."""
+    positions, normals, unit = surface.position, surface.normal, surface.unit
     chord = positions[end].astype(float) - positions[start]
     across = np.cross(chord, normals[start].astype(float) + normals[end])
     across /= max(float(np.linalg.norm(across)), 1e-12 * unit * unit)
 
     # A detour of more than twice the chord is not what was drawn
     reach = 2 * float(np.linalg.norm(chord)) + 4 * unit
-    around = np.sort(tree.query_ball_point((positions[start] + positions[end]) / 2.0, reach))
+    around = np.sort(
+        surface.tree.query_ball_point((positions[start] + positions[end]) / 2.0, reach)
+    )
     off_plane = np.abs((positions[around] - positions[start].astype(float)) @ across) / unit
-    graph = _lengths(around, positions, adjacency)
+    graph = surface.lengths(around)
     graph.data *= 1 + off_plane[graph.indices] + np.repeat(off_plane, np.diff(graph.indptr))
 
     first, last = np.searchsorted(around, [start, end])
@@ -171,38 +209,35 @@ def _straightest(start, end, tree, unit, positions, normals, adjacency) -> np.nd
     return around[path[::-1]]
 
 
-def _lengths(chosen: np.ndarray, positions: np.ndarray, adjacency) -> csr_array:
-    """The graph among the texels `chosen`, ascending (C,), weighted with positive distances."""
-    indptr, indices = adjacency
-    full = csr_array((np.ones(len(indices)), indices, indptr), shape=(len(positions),) * 2)
-    graph = full[chosen][:, chosen]
-    rows = np.repeat(np.arange(len(chosen)), np.diff(graph.indptr))
-    place = positions[chosen].astype(float)
-    distance = np.linalg.norm(place[rows] - place[graph.indices], axis=1)
-    graph.data = np.maximum(distance, np.finfo(float).tiny)
-    return graph
-
-
-def _ribbon(path, positions, adjacency) -> np.ndarray:
+def _ribbon(path: np.ndarray, surface: SurfaceGraph) -> np.ndarray:
     """Texels (T,) bool under the stroke, not those on the other side of a thin sheet."""
-    indptr, indices = adjacency
+    positions, (indptr, indices) = surface.position, surface.adjacency
     ends = np.concatenate([indices[indptr[i] : indptr[i + 1]] for i in path])
     starts = np.repeat(path, indptr[path + 1] - indptr[path])
     edge = np.median(np.linalg.norm(positions[starts] - positions[ends], axis=1))
+    around = path
+    for _ in range(RINGS):
+        around = np.unique(np.concatenate([around, surface.around(around)]))
     distance, _ = cKDTree(positions[path]).query(
-        positions, distance_upper_bound=HALF_WIDTH * float(edge)
+        positions[around], distance_upper_bound=HALF_WIDTH * float(edge)
     )
-    near = np.isfinite(distance)
+    near = np.zeros(len(positions), bool)
+    near[around[np.isfinite(distance)]] = True
     near[path] = True
-    part = components(indptr, indices, near)
+    part = surface.components(near)
     return near & np.isin(part, np.unique(part[path]))
 
 
-def _nearest_part(part, touched, positions, adjacency) -> np.ndarray:
-    """Parts (T,) after every texel of `touched` without one joined the nearest on the surface."""
-    chosen = np.flatnonzero(touched)
+def _nearest_part(part: np.ndarray, touched: np.ndarray, surface: SurfaceGraph) -> np.ndarray:
+    """Parts (T,) after every texel of `touched` without one joined the nearest on the surface.
+
+    The way to the nearest texel with a part leads over texels without one alone.
+    """
+    bare = np.flatnonzero(touched & (part < 0))
+    beside = surface.around(bare)
+    chosen = np.unique(np.concatenate([bare, beside[part[beside] >= 0]]))
     sources = np.flatnonzero(part[chosen] >= 0)
-    graph = _lengths(chosen, positions, adjacency)
+    graph = surface.lengths(chosen)
     nearest = dijkstra(graph, indices=sources, min_only=True, return_predecessors=True)[2]
     reached = nearest >= 0
     joined = part.copy()

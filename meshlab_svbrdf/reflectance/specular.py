@@ -96,8 +96,9 @@ def solve_peak(excess_max, excess_min, d2_max, d2_min, variance):
 
 @njit(cache=True, nogil=True)
 def _judge_run(block, view, t, run, n, d, shapes, least_of_peak, farthest_point, nearer_than):
-    """ρs, α, d²_max and light of one peak, whose samples are run[:n]; α NaN if it does not tell."""
-    nothing = (np.nan, np.nan, np.inf, -1)
+    """ρs, α, d²_max and light of one peak, whose samples are run[:n], and its two samples c_max and
+    c_min (-1: none); α NaN if it does not tell."""
+    nothing = (np.nan, np.nan, np.inf, -1, -1, -1)
     # Take the highest sample that is not clipped, and its nearest light
     top, high = -1, 0.0
     for k in range(n):
@@ -113,7 +114,7 @@ def _judge_run(block, view, t, run, n, d, shapes, least_of_peak, farthest_point,
         if d2 < d2_max:
             lamp, d2_max = k, d2
     if lamp < 0 or d2_max >= nearer_than:
-        return nothing
+        return np.nan, np.nan, np.inf, lamp, top, -1
     # Take the sample nearest to half its excess (or, to the letter, the least)
     low, nearest = -1, np.inf
     for k in range(n):
@@ -122,14 +123,14 @@ def _judge_run(block, view, t, run, n, d, shapes, least_of_peak, farthest_point,
         if run[k] != top and away < nearest and not is_clipped(block, view, run[k]):
             low, nearest = run[k], away
     if low < 0:
-        return nothing
+        return np.nan, np.nan, np.inf, lamp, top, -1
     x, y, z = mirror_direction(view, t, block.frame[low])
     d2_min = mahalanobis2(x, y, z, lamp, shapes)
     if not d2_max <= d2_min < np.inf:
-        return nothing
+        return np.nan, np.nan, np.inf, lamp, top, low
     variance = shapes.most[lamp] if farthest_point else shapes.least[lamp]
     rho, alpha = solve_peak(high, sample_luminance(block, view, low) - d, d2_max, d2_min, variance)
-    return rho, alpha, d2_max, lamp
+    return rho, alpha, d2_max, lamp, top, low
 
 
 @njit(cache=True, nogil=True)
@@ -190,7 +191,7 @@ def _specular(
                 lamp += 1
             else:
                 n, j = _next_run(block, view, d, sequence, order, j, stop, run)
-            r, a, d2, k = _judge_run(
+            r, a, d2, k, _, _ = _judge_run(
                 block, view, t, run, n, d, shapes, least_of_peak, farthest_point, best
             )
             if a > 0:
