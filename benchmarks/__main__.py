@@ -6,6 +6,7 @@
     python -m benchmarks time | ablation | photographs
     python -m benchmarks photographs RESULT.mlp   of a run with --hold-out
     python -m benchmarks performance              run time, and others at the same work
+    python -m benchmarks registration             cameras of films and photographs
     python -m benchmarks --all --docs             everything, into the documentation
 
 Scenes are rendered once into the cache. Every row is kept in --out as soon as it is there; the same
@@ -25,7 +26,7 @@ from rich.console import Console
 from meshlab_svbrdf.document.document import Document
 from meshlab_svbrdf.errors import SvbrdfError
 
-from . import ablation, accuracy, performance, photographs, timing
+from . import ablation, accuracy, performance, photographs, registration, timing
 from .cases import LONG, PHOTOGRAPHS, Case, available, why_not
 from .documents import write_documents
 from .ledger import Ledger, Row, Task
@@ -34,7 +35,9 @@ from .scenes.make import cache_folder
 from .solve import warm_up
 
 SLOW = "mitsuba"  # this peer is compared over time, on one scene
-PARTS = {part.PART: part for part in (accuracy, timing, ablation, photographs, performance)}
+PARTS = {
+    part.PART: part for part in (accuracy, timing, ablation, photographs, performance, registration)
+}
 
 
 def main() -> None:
@@ -92,6 +95,11 @@ def wanted(arguments: argparse.Namespace, ledger: Ledger) -> tuple[list[Task], l
         found, missing = performance.tasks(arguments.frames, size or 1024, arguments.cache)
         tasks += found
         notes.extend(missing)
+    if registration.PART in parts:
+        found_cases = cases([LONG, PHOTOGRAPHS])
+        films = [case for case in found_cases if case.name != PHOTOGRAPHS]
+        stills = [case for case in found_cases if case.name == PHOTOGRAPHS]
+        tasks += registration.tasks(films, stills, arguments.cache)
     return tasks, list(dict.fromkeys(notes))
 
 

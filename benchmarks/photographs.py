@@ -21,7 +21,8 @@ from meshlab_svbrdf.errors import SvbrdfError
 from meshlab_svbrdf.filters._lights import read_lights
 from meshlab_svbrdf.filters._stages import read_observations
 from meshlab_svbrdf.filters.generate_svbrdf_rendering import read_appearance
-from meshlab_svbrdf.rendering.acquisition import AcquisitionRenderer, Appearance
+from meshlab_svbrdf.rendering.acquisition import AcquisitionRenderer
+from meshlab_svbrdf.rendering.surface import Appearance
 from meshlab_svbrdf.samples.luminance import decode, encode
 
 from .ablation import GLOSS

@@ -2,12 +2,14 @@
 
 pip install -e '.[docs]'
 meshlab-svbrdf run sample_projects/totem/totem.mlp -o out
+meshlab-svbrdf apply out/totem.mlp compute_svbrdf_albedo
 python docs/make_pictures.py out/totem.mlp [NAME ...]
 """
 
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 
 import numpy as np
 from matplotlib.patches import Ellipse
@@ -19,6 +21,7 @@ from picture_kit import (
     TRUTH,
     Scene,
     around,
+    on_back,
     picture,
     plt,
     row_of_images,
@@ -32,7 +35,17 @@ from meshlab_svbrdf.document.images import read_exr, read_image
 from meshlab_svbrdf.filters._sphere import marked_map
 from meshlab_svbrdf.geometry.harmonics import basis
 from meshlab_svbrdf.geometry.visibility import Rays, remap
+from meshlab_svbrdf.reflectance.directions import directions
 from meshlab_svbrdf.reflectance.labels import palette
+from meshlab_svbrdf.registration.overlay import draw_overlay, feature_edges
+from meshlab_svbrdf.registration.track import register_frames
+from meshlab_svbrdf.rendering.environment_lights import (
+    Illumination,
+    cut_environment,
+    together,
+    uniform_light,
+)
+from meshlab_svbrdf.rendering.relight import RelitRenderer
 from meshlab_svbrdf.samples.luminance import decode
 
 FRAME = "high_045.jpg"
@@ -59,6 +72,24 @@ def overview(scene: Scene) -> None:
     sphere = marked_map(document.image("environment").astype(float), scene.lights)
     show(figure.add_subplot(grid[1, 2:]), sphere, "environment map, with the lights found")
     save(figure, "totem.jpg")
+
+
+def registration(scene: Scene) -> None:
+    """Frames with the mesh's lines over them; only the first one's camera was given."""
+    wanted = {f"high_{k:03d}.jpg" for k in range(0, 120, 2)}
+    rasters = [r for r in scene.document.project.rasters if r.label in wanted]
+    frames = [picture(raster.path) for raster in rasters]
+    mesh = scene.mesh
+    found = register_frames(mesh.vertices, mesh.faces, frames, {0: rasters[0].camera})
+    edges = feature_edges(mesh.vertices, mesh.faces)
+    shown = [0, 13, 27, 41]
+    images = [
+        draw_overlay(frames[k], found.cameras[k], mesh.vertices, mesh.faces, edges) for k in shown
+    ]
+    titles = ["the frame that was aligned"] + [
+        f"{2 * k} frames on: residual {found.frames[k].residual:.2f} px" for k in shown[1:]
+    ]
+    save(row_of_images(images, titles), "registration.jpg")
 
 
 def texels(scene: Scene) -> None:
@@ -258,9 +289,34 @@ def material_specular(scene: Scene) -> None:
         save(figure, f"material_specular_{name}.png")
 
 
+def albedo(scene: Scene) -> None:
+    """D, and what is left of it without the light."""
+    camera = scaled(around(scene.held_out[3].camera, scene.mesh), 1.5)
+    shown = [scene.wearing(scene.document.map(name)[0], camera) for name in ("diffuse", "albedo")]
+    save(row_of_images(shown, ["diffuse colour, as it was lit", "albedo"], 8), "albedo.png")
+
+
+def relighting(scene: Scene) -> None:
+    """A view in its own light, under one lamp, and under a sky with a low sun."""
+    camera = scaled(around(scene.held_out[3].camera, scene.mesh), 1.5)
+    looks = [replace(scene.looks[0], diffuse=scene.document.map("albedo")[0])]
+    lamp = Illumination(
+        np.array([[-0.48, 0.6, 0.64]]), np.zeros(1), np.full((1, 3), 1.6), np.zeros(1, bool)
+    )
+    rays = directions(64)
+    sun = np.exp(600 * (rays @ (np.array([0.8, 0.35, 0.49]) / 1.0013) - 1))
+    up = np.clip(rays[..., 1], 0, 1)[..., None]
+    sky = up**0.3 * [0.35, 0.5, 0.8] + sun[..., None] * [900.0, 620.0, 330.0]
+    images = [scene.rendered(camera)]
+    for light in (together([lamp, uniform_light(np.full(3, 0.05))]), cut_environment(sky)):
+        images.append(on_back(*RelitRenderer(scene.mesh, looks, light).render(camera, 3)))
+    titles = ["as it was lit", "one lamp", "a sky with a low sun"]
+    save(row_of_images(images, titles, 9), "relighting.png")
+
+
 PICTURES = (
-    overview, texels, visibility, samples, threshold, environment, diffuse, lights, texel_specular,
-    materials, material_specular, rendering,
+    overview, registration, texels, visibility, samples, threshold, environment, diffuse, lights,
+    texel_specular, materials, material_specular, albedo, relighting, rendering,
 )  # fmt: skip
 
 

@@ -81,7 +81,7 @@ class Scene:
         look = replace(
             self.looks[0], diffuse=linear, tint=np.ones_like(linear),
             rho_s=np.full(linear.shape[:2], np.nan), alpha=np.full(linear.shape[:2], np.nan),
-            normal=None,
+            turn=None,
         )  # fmt: skip
         return on_back(*AcquisitionRenderer(self.mesh, [look], []).render(camera, 3))
 

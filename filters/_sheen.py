@@ -10,7 +10,7 @@ import numpy as np
 from meshlab_svbrdf.document.document import Document
 from meshlab_svbrdf.progress import Progress
 from meshlab_svbrdf.reflectance.sheen import Sheen, find_sheen
-from meshlab_svbrdf.rendering.acquisition import Appearance
+from meshlab_svbrdf.rendering.surface import Appearance
 from meshlab_svbrdf.samples.observations import with_normals
 
 from ._maps import set_scalar_map

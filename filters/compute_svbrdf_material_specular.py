@@ -52,7 +52,7 @@ FILTER = Filter(
             "than .1 % or a tenth of its error.",
         ),
         Parameter(
-            "samples", "int", 3_000_000, minimum=10_000,
+            "samples", "int", 1_500_000, minimum=10_000,
             help="About how many samples the joint fit holds in memory, about 60 bytes each.",
         ),
         Parameter(
@@ -150,7 +150,8 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
         ]
         if parameters.estimator == "joint" and parameters.sharp:
             observations = read_observations(document)
-            diffuse = sharpen(texels, diffuse, *footprints(observations))
+            covered = footprints(observations)
+            diffuse = sharpen(texels, diffuse, covered.covariance, covered.noise)
     elif parameters.estimator == "paper":
         materials = [_bell(document, dense == m, parameters) for m in range(len(ids))]
     else:

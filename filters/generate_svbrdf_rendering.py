@@ -2,50 +2,32 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+from dataclasses import replace
 
 import numpy as np
 
 from meshlab_svbrdf.document.document import Document
-from meshlab_svbrdf.document.images import write_png
-from meshlab_svbrdf.document.project import read_project
-from meshlab_svbrdf.errors import SvbrdfError
 from meshlab_svbrdf.filter import Filter, Namespace, Parameter
 from meshlab_svbrdf.progress import Progress
 from meshlab_svbrdf.reflectance.microfacet import NAMES, PHONG
-from meshlab_svbrdf.rendering.acquisition import AcquisitionRenderer, Appearance
-from meshlab_svbrdf.samples.luminance import decode, to_srgb8
+from meshlab_svbrdf.rendering.acquisition import AcquisitionRenderer
+from meshlab_svbrdf.rendering.surface import Appearance
 
 from ._lights import read_lights
 from ._sheen import with_sheen
-from ._stages import UNOBSERVED_GREY
+from ._views import BACKGROUND, CAMERAS, FOLDER, REFLECTANCE, SUPERSAMPLING, render_views, views
 
 FILTER = Filter(
     name="generate_svbrdf_rendering",
     title="SVBRDF: render the acquisition's light",
     needs=("mesh", "texels", "material_specular"),
     parameters=(
-        Parameter(
-            "cameras", "path", "",
-            help="A project whose rasters are the views; empty: this one's own.",
-        ),
-        Parameter(
-            "folder", "path", "",
-            help="Where the images go, one PNG per raster under its file's name.",
-        ),
-        Parameter(
-            "supersampling", "int", 3, minimum=1, maximum=8, help="Rays per pixel and direction."
-        ),
+        CAMERAS,
+        FOLDER,
+        SUPERSAMPLING,
         Parameter("shadows", "bool", True, help="Whether the object shades its own highlights."),
-        Parameter(
-            "reflectance", "enum", "best", choices=("best", "phong"),
-            help="Microfacets where they describe a material better, or Phong's lobe everywhere. D "
-            "stays the best one's.",
-        ),
-        Parameter(
-            "background", "int", UNOBSERVED_GREY, minimum=0, maximum=255,
-            help="The grey around the object, an sRGB code.",
-        ),
+        replace(REFLECTANCE, help=f"{REFLECTANCE.help} D stays the best one's."),
+        BACKGROUND,
     ),
     help="Renders D + Σ ρ g V (l·r)^α, or microfacets' highlights, with near lights and shadows, "
     "on grey. D holds the lights' shading: it is not shaded again.",
@@ -54,27 +36,12 @@ FILTER = Filter(
 
 
 def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
-    if parameters.folder is None:
-        raise SvbrdfError("folder is empty: say where the images go")
-    project = document.project if parameters.cameras is None else read_project(parameters.cameras)
-    if not project.rasters:
-        raise SvbrdfError(f"{project.path}: has no rasters to take cameras from")
-    names = [Path(raster.path.name).with_suffix(".png").name for raster in project.rasters]
-    if len(set(names)) < len(names):
-        raise SvbrdfError(
-            f"{project.path}: two rasters have the same file name, and would overwrite each other"
-        )
+    wanted = views(document, parameters)
     renderer = AcquisitionRenderer(
         document.mesh(), read_appearance(document, parameters.reflectance == "best"),
         read_lights(document), parameters.shadows,
     )  # fmt: skip
-    folder = Path(parameters.folder)
-    folder.mkdir(parents=True, exist_ok=True)
-    grey = float(decode(np.array(parameters.background / 255)))
-    for name, raster in zip(names, progress.over(project.rasters, "views"), strict=True):
-        image, coverage = renderer.render(raster.camera, parameters.supersampling)
-        write_png(folder / name, to_srgb8(image + grey * (1 - coverage[..., None])))
-    return f"{len(names)} views in {folder}"
+    return render_views(renderer, wanted, parameters, progress)
 
 
 def read_appearance(document: Document, microfacets: bool = True) -> list[Appearance]:

@@ -1,4 +1,4 @@
-"""The shell: `meshlab-svbrdf run | plan | apply | filters | presets | info | render | view …`.
+"""The shell: `meshlab-svbrdf register | run | plan | apply | info | render | view | bench` …
 
 What the commands are called and take. `commands.py` does it, and is imported when one is run, so
 that `--help` comes at once.
@@ -100,6 +100,101 @@ def run(
 
 
 @app.command()
+def register(
+    project: Annotated[
+        Path,
+        typer.Argument(help="A MeshLab project, or a mesh (.ply, .obj).", show_default=False),
+    ],
+    output: Annotated[
+        Path, typer.Option("-o", "--output", help="The project to write, or a folder for it.")
+    ],
+    video: Annotated[
+        list[Path] | None, typer.Option(help="A video of the object, as often as needed.")
+    ] = None,
+    images: Annotated[
+        Path | None, typer.Option(help="A folder of images in place of a video.")
+    ] = None,
+    start: Annotated[
+        list[str] | None,
+        typer.Option(metavar="RASTER", help="A raster that was aligned in MeshLab, by its label."),
+    ] = None,
+    points: Annotated[
+        list[Path] | None,
+        typer.Option(
+            help="Points picked on the mesh and in a frame: CSV, JSON, or MeshLab's list."
+        ),
+    ] = None,
+    camera: Annotated[
+        Path | None, typer.Option(help="A rough camera of a frame; it is refined.")
+    ] = None,
+    cameras: Annotated[
+        Path | None,
+        typer.Option(help="Cameras of all frames from COLMAP, Bundler, Metashape: refine only."),
+    ] = None,
+    align: Annotated[
+        str, typer.Option(help="For --cameras: auto, none, pairs, rasters or points.")
+    ] = "auto",
+    pairs: Annotated[
+        Path | None, typer.Option(help="For --cameras: points in both worlds.")
+    ] = None,
+    step: Annotated[int, typer.Option(help="Use every n-th frame.", min=1)] = 1,
+    range_: Annotated[
+        str, typer.Option("--range", metavar="FIRST:LAST", help="Frames, counted from 0.")
+    ] = "",
+    sharpest: Annotated[
+        bool, typer.Option("--sharpest", help="Of every STEP frames use the sharpest.")
+    ] = False,
+    focal: Annotated[
+        float | None, typer.Option(help="Focal length in pixels; else EXIF's, else estimated.")
+    ] = None,
+    focal_mm: Annotated[
+        float | None, typer.Option(help="Focal length in mm, with --sensor-width.")
+    ] = None,
+    sensor_width: Annotated[
+        float | None, typer.Option(help="The sensor's longer side in mm; 36: film.")
+    ] = None,
+    distortion: Annotated[
+        str, typer.Option(metavar="'K1 K2 P1 P2 K3'", help="Of the lens (OpenCV), or auto.")
+    ] = "",
+    threshold: Annotated[
+        float | None, typer.Option(help="Confidence below which frames are left out.")
+    ] = None,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            metavar="[FILTER.]NAME=VALUE",
+            help="Another parameter of the registration, or with --run of a filter of the chain.",
+        ),
+    ] = None,
+    run_: Annotated[
+        bool, typer.Option("--run", help="Go on with the whole chain, as `run` does.")
+    ] = False,
+    preset: Annotated[PresetName | None, typer.Option(help="For --run.")] = None,
+    layer: Layer = "",
+    force: Force = False,
+    as_json: AsJson = False,
+) -> None:
+    """Give the frames of a video (or images) their cameras, and write them as rasters.
+
+    It starts from one frame whose camera is known: an aligned raster, picked points, or a rough
+    camera. Without --video and --images the project's own rasters are refined.
+    """
+    from . import commands_register
+
+    commands_register.register(
+        project, output,
+        {
+            "video": video, "images": images, "start": start, "points": points, "camera": camera,
+            "cameras": cameras, "align": align, "pairs": pairs, "step": step, "range": range_,
+            "sharpest": sharpest, "focal": focal, "focal_mm": focal_mm,
+            "sensor_width": sensor_width, "distortion": distortion, "threshold": threshold,
+        },
+        settings=settings, run=run_, preset=preset, layer=layer, force=force, as_json=as_json,
+    )  # fmt: skip
+
+
+@app.command()
 def plan(
     project: Project,
     output: Output = None,
@@ -172,12 +267,20 @@ def render(
     project: Project,
     cameras: Annotated[Path, typer.Option(help="A project whose rasters are the views to render.")],
     output: Annotated[Path, typer.Option("-o", "--output", help="The folder for the images.")],
+    lights: Annotated[
+        Path | None, typer.Option(help="Other lights, a JSON file in the form of lights.json.")
+    ] = None,
+    environment: Annotated[
+        Path | None, typer.Option(help="Other surroundings, an HDR map, latitude-longitude EXR.")
+    ] = None,
+    turn: Annotated[float, typer.Option(help="Degrees by which the surroundings turn.")] = 0.0,
+    exposure: Annotated[float, typer.Option(help="Stops, of other light.")] = 0.0,
     as_json: AsJson = False,
 ) -> None:
-    """Render the object as it was lit, seen from the cameras of another project."""
+    """Render the object as it was lit or under other light, from another project's cameras."""
     from . import commands
 
-    commands.render(project, cameras, output, as_json)
+    commands.render(project, cameras, output, lights, environment, turn, exposure, as_json)
 
 
 @app.command()

@@ -9,7 +9,7 @@ import json
 import logging
 import sys
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
@@ -37,6 +37,8 @@ errors = Console(stderr=True)
 TEXTURE_SIZE = "compute_svbrdf_texels.texture_size"
 MATERIALS = "compute_svbrdf_materials.image"
 RENDERING = "generate_svbrdf_rendering"
+RELIGHTING = "generate_svbrdf_relighting"
+ALBEDO = "compute_svbrdf_albedo"
 CURRENT = "up to date"
 
 
@@ -60,7 +62,9 @@ def run(
                 f"the result would replace {project} itself: give another folder or name with -o"
             )
         if not document.project.rasters:
-            raise SvbrdfError(f"{project}: has no rasters; add registered frames in MeshLab")
+            raise SvbrdfError(
+                f"{project}: has no rasters; add them with `meshlab-svbrdf register`, or in MeshLab"
+            )
         document.hold_out(hold_out)
         if preset is not None and not as_json:
             typer.echo(f"preset {preset}: {PRESETS[preset]}")
@@ -80,7 +84,9 @@ def plan(
         check_script(steps)
         document = Document.open(project, output)
         if not document.rasters:
-            raise SvbrdfError(f"{project}: has no rasters; add registered frames in MeshLab")
+            raise SvbrdfError(
+                f"{project}: has no rasters; add them with `meshlab-svbrdf register`, or in MeshLab"
+            )
         made = make_plan(document, steps, given)
         typer.echo(json.dumps(made.to_json(), indent=1) if as_json else "\n".join(made.lines()))
 
@@ -147,10 +153,19 @@ def info(project: Path, as_json: bool) -> None:
             typer.echo(_material_line(material))
 
 
-def render(project: Path, cameras: Path, output: Path, as_json: bool) -> None:
-    """Render the object as it was lit, seen from the cameras of another project."""
+def render(
+    project: Path, cameras: Path, output: Path, lights: Path | None, environment: Path | None,
+    turn: float, exposure: float, as_json: bool,
+) -> None:  # fmt: skip
+    """Render the object as it was lit or under other light, seen from another project's cameras."""
     with _friendly():
-        parameters = {"cameras": str(cameras.absolute()), "folder": str(output.absolute())}
+        parameters: dict[str, Any] = {
+            "cameras": str(cameras.absolute()),
+            "folder": str(output.absolute()),
+        }
+        relit = lights is not None or environment is not None
+        if not relit and (turn or exposure):
+            raise SvbrdfError("--turn and --exposure are of other light: give --environment")
         document = Document.open(project)
         if not document.has("material_specular"):
             raise SvbrdfError(
@@ -158,7 +173,14 @@ def render(project: Path, cameras: Path, output: Path, as_json: bool) -> None:
                 f"`meshlab-svbrdf run {project} -o out` and render out/{project.name}"
             )
         with _stages(as_json) as (say, show):
-            say(document.apply(RENDERING, False, show("render"), **parameters))
+            if not relit:
+                say(document.apply(RENDERING, False, show("render"), **parameters))
+                return
+            say(document.apply(ALBEDO, False, show("albedo")))
+            given = {"lights": lights, "environment": environment}
+            parameters |= {k: str(v.absolute()) for k, v in given.items() if v is not None}
+            parameters |= {"turn": turn, "exposure": exposure}
+            say(document.apply(RELIGHTING, False, show("render"), **parameters))
 
 
 def view(project: Path, port: int, browser: bool) -> None:
@@ -189,13 +211,24 @@ def _planned(
     return made.steps
 
 
-def _run(document: Document, steps: list[Step], force: bool, as_json: bool) -> None:
-    """Run the steps and save; what was finished is saved even if a later step fails."""
+def _run(
+    document: Document,
+    steps: list[Step],
+    force: bool,
+    as_json: bool,
+    later: Callable[[], list[Step]] = list,
+) -> None:
+    """Run the steps and save; what was finished is saved even if a later step fails.
+
+    later : gives further steps when these are done: a plan needs the rasters that they place
+    """
     if not compiled():
         errors.print("compiling kernels, this happens once and takes a minute or two…")
     with _stages(as_json, document) as (say, show):
         try:
             for outcome in run_script(document, steps, force=force, show=show):
+                say(outcome)
+            for outcome in run_script(document, later(), force=force, show=show):
                 say(outcome)
         finally:
             interrupted = isinstance(sys.exception(), KeyboardInterrupt)

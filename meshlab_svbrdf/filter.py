@@ -23,7 +23,10 @@ from .errors import SvbrdfError
 
 Namespace = SimpleNamespace
 
-KINDS = ("bool", "int", "float", "enum", "string", "path", "length", "points", "layer")
+KINDS = (
+    "bool", "int", "float", "enum", "string", "path", "paths", "length", "points", "layer",
+    "rasters",
+)  # fmt: skip
 INPUTS = ("mesh", "rasters")  # what a filter may need besides other filters' products
 
 _IDENTIFIER = re.compile(r"[a-z][a-z0-9_]*\Z")
@@ -45,9 +48,11 @@ class Parameter:
     """One parameter of a filter.
 
     kind : bool, int, float, enum (one of `choices`), string, path (a Path, None where it is ""),
+        paths (a tuple of Paths, in a script or shell "a; b"),
         length (a float in world units, or "2%" / PercentageValue of the bounding box's diagonal),
         points ((N, 3) float64, in a script or shell "x y z; x y z"),
-        layer (a label; the layer's mesh counts as an input of the filter)
+        layer (a label; the layer's mesh counts as an input of the filter),
+        rasters (labels, "a; b"; their cameras and files count as inputs)
     default, minimum, maximum : in `unit`; the limits belong to int, float and length
     help : what it does and how to choose it
     """
@@ -98,7 +103,9 @@ class Parameter:
             "float": "a number",
             "string": "a text",
             "path": "the path of a file",
+            "paths": 'paths of files, "a; b"',
             "layer": "the label of a layer",
+            "rasters": 'labels of rasters, "a; b"',
             "length": 'a length in world units or "2%" of the bounding box\'s diagonal',
             "points": 'points of three numbers each, "x y z; x y z"',
         }[self.kind]
@@ -142,11 +149,22 @@ class Parameter:
         return value if isinstance(value, str) else _WRONG
 
     _layer = _string
+    _rasters = _string
 
     def _path(self, value: Any) -> Any:
         if value is None or value == "":
             return None
         return Path(value) if isinstance(value, str | Path) else _WRONG
+
+    def _paths(self, value: Any) -> Any:
+        if isinstance(value, str):
+            value = [part.strip() for part in value.split(";") if part.strip()]
+        elif value is None or isinstance(value, Path):
+            value = [] if value is None else [value]
+        if not isinstance(value, list | tuple):
+            return _WRONG
+        found = tuple(self._path(part) for part in value)
+        return _WRONG if None in found or _WRONG in found else found
 
     def _length(self, value: Any) -> Any:
         kind = type(value).__name__  # pymeshlab's own types, without importing pymeshlab

@@ -30,6 +30,7 @@ from .document.project import RasterEntry
 from .document.views import OBJECT, write_views
 from .errors import SvbrdfError
 from .geometry.camera import Camera
+from .geometry.lens import Lens
 from .meshlab import Bridge, run_xml
 from .plan import make_plan
 from .presets import chain
@@ -172,12 +173,14 @@ class MeshSet(pymeshlab.MeshSet):
         cameras: Mapping[int, Camera],
         *,
         exposure: float | None = None,
+        lens: Lens | None = None,
     ) -> list[RasterEntry]:
         """Add registered frames of a video, whose images need not be extracted.
 
         cameras : by the frame's index in the order of presentation, from 0
+        lens : that distorts the frames; `cameras` belong to the undistorted ones
         """
-        return self._bridge.document.add_video(file_name, cameras, exposure=exposure)
+        return self._bridge.document.add_video(file_name, cameras, exposure=exposure, lens=lens)
 
     def load_new_raster(self, file_name: str) -> None:
         raise SvbrdfError(f"a raster needs its camera: add_raster({str(file_name)!r}, camera)")

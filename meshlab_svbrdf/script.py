@@ -14,12 +14,12 @@ import xml.etree.ElementTree as ET
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from xml.parsers import expat
 
 from . import registry
 from .document.atomic import replacing
 from .document.document import Document, Outcome
-from .errors import DocumentError, SvbrdfError
+from .document.project_xml import parse_plain
+from .errors import SvbrdfError
 from .progress import Show
 
 DOCTYPE = "<!DOCTYPE FilterScript>"
@@ -30,9 +30,11 @@ RICH = {
     "enum": "RichString",
     "string": "RichString",
     "path": "RichFileOpen",
+    "paths": "RichString",
     "length": "RichString",
     "points": "RichString",
     "layer": "RichString",
+    "rasters": "RichString",
 }
 
 
@@ -70,7 +72,7 @@ def read_script(path: str | Path) -> list[Step]:
     DocumentError : no readable XML. SvbrdfError : not a filter script, or a step without a name.
     """
     path = Path(path)
-    root = _parse(path)
+    root = parse_plain(path)
     if root.tag != "FilterScript":
         raise SvbrdfError(f"{path}: expected <FilterScript>, found <{root.tag}>")
     steps = []
@@ -158,22 +160,3 @@ def _element(step: Step) -> ET.Element:
         kind = RICH[kinds.get(name, "string")]
         ET.SubElement(element, "Param", type=kind, name=name, value=value)
     return element
-
-
-def _parse(path: Path) -> ET.Element:
-    """The root element; entities are refused before anything is expanded."""
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise DocumentError(f"{path}: cannot be read ({error.strerror})") from None
-
-    def refuse(name: str, *_: object) -> None:
-        raise DocumentError(f"{path}: declares the XML entity {name!r}; remove it from the DOCTYPE")
-
-    try:
-        scout = expat.ParserCreate()
-        scout.EntityDeclHandler = refuse
-        scout.Parse(data, True)
-        return ET.fromstring(data)
-    except (expat.ExpatError, ET.ParseError, ValueError, LookupError) as error:
-        raise DocumentError(f"{path}: is not well-formed XML ({error})") from None

@@ -14,7 +14,8 @@ from meshlab_svbrdf.document.images import read_exr, write_png
 from meshlab_svbrdf.document.project import read_project
 from meshlab_svbrdf.errors import SvbrdfError
 from meshlab_svbrdf.filters._stages import UNOBSERVED_GREY
-from meshlab_svbrdf.rendering.acquisition import AcquisitionRenderer, Appearance
+from meshlab_svbrdf.rendering.acquisition import AcquisitionRenderer
+from meshlab_svbrdf.rendering.surface import Appearance
 from meshlab_svbrdf.samples.luminance import decode, to_srgb8
 
 from ..scenes.score import Scores, diffuse, unseen_views

@@ -16,7 +16,8 @@ from meshlab_svbrdf.document.mesh_files import read_mesh
 from meshlab_svbrdf.document.project import read_project
 from meshlab_svbrdf.geometry.gutters import fill_gutters
 from meshlab_svbrdf.reflectance.lights import Light
-from meshlab_svbrdf.rendering.acquisition import AcquisitionRenderer, Appearance
+from meshlab_svbrdf.rendering.acquisition import AcquisitionRenderer
+from meshlab_svbrdf.rendering.surface import Appearance
 from meshlab_svbrdf.samples.luminance import decode
 from sample_projects.procedural.paint import encode_srgb
 

@@ -15,7 +15,8 @@ from meshlab_svbrdf.document.images import read_image
 from meshlab_svbrdf.document.mesh_files import read_mesh
 from meshlab_svbrdf.document.project import read_project
 from meshlab_svbrdf.geometry.mesh import Mesh
-from meshlab_svbrdf.rendering.acquisition import AcquisitionRenderer, Appearance
+from meshlab_svbrdf.rendering.acquisition import AcquisitionRenderer
+from meshlab_svbrdf.rendering.surface import Appearance
 
 _FIVE = np.ones((5, 5), np.uint8)
 

@@ -20,22 +20,25 @@ from .. import registry
 from ..errors import DocumentError, SvbrdfError
 from ..filter import Filter
 from ..geometry.camera import Camera
+from ..geometry.lens import Lens
 from ..geometry.mesh import Mesh
 from ..progress import Progress, Show
 from .exact import remember, restore
 from .frames import Frames, file_stamp
-from .freshness import Freshness, filter_key, resolve_lengths
+from .freshness import RASTER, Freshness, filter_key, resolve_lengths
 from .given_uv import GivenUv
 from .layers import Layer, mesh_digest
-from .products import Products
+from .products import Products, plain
 from .project import MeshEntry, Project, RasterEntry, new_project, read_project, write_project
 from .record import RECORD, ResultFolder, digest, replace_folder
+from .registered import missing_sources, place_rasters
 from .video_rasters import add_video, bring_videos, follow_folder
 from .views import OBJECT, write_views
 
 log = logging.getLogger("meshlab_svbrdf")
 
 PROJECTS = (".mlp", ".mlb")
+MESHES = (".ply", ".obj")
 RESULTS = ".svbrdf"
 HELD_OUT = slice(3, None, 8)  # every 8th frame by name, starting with the 4th
 
@@ -70,6 +73,7 @@ class Document(Products):
             )  # fmt: skip
         self.layers = [Layer(m.label, m.path, m.matrix, m.visible, entry=m) for m in project.meshes]
         self._told = ""
+        self._placing: dict[str, Any] | None = None  # rasters that the filter that runs now sets
 
     @classmethod
     def open(cls, path: str | Path, output: str | Path | None = None) -> Document:
@@ -89,6 +93,23 @@ class Document(Products):
     def new(cls, path: str | Path) -> Document:
         """A document without layers and rasters, to be saved as `path`."""
         return cls(new_project(), Path(path).absolute())
+
+    @classmethod
+    def of_mesh(cls, path: str | Path, output: str | Path) -> Document:
+        """A document whose only layer is a mesh file; output : as for `open`.
+
+        Raises DocumentError where the file is no PLY or OBJ.
+        """
+        path = Path(path).absolute()
+        if path.suffix.lower() not in MESHES:
+            raise DocumentError(
+                f"{path}: expected a MeshLab project (.mlp, .mlb) or a mesh ({', '.join(MESHES)}); "
+                "open other meshes in MeshLab and save a project"
+            )
+        document = cls.new(place(path, output))
+        document.layers.append(Layer(path.stem, path))
+        document.layers[0].read()
+        return document
 
     @property
     def name(self) -> str:
@@ -138,12 +159,19 @@ class Document(Products):
         super().set_json(name, value)
 
     def add_video(
-        self, path: str | Path, cameras: Mapping[int, Camera], *, exposure: float | None = None
+        self,
+        path: str | Path,
+        cameras: Mapping[int, Camera],
+        *,
+        exposure: float | None = None,
+        lens: Lens | None = None,
     ) -> list[RasterEntry]:
         """Add registered frames of a video as rasters; the video is not extracted.
 
         cameras : by the frame's index in the order of presentation, from 0
         exposure : of all its frames, relative to other rasters
+        lens : that distorts its frames; they are undistorted when they are read, and `cameras`,
+            with the focal length and centre of `lens.pinhole()`, belong to the undistorted ones
 
         Raises
         ------
@@ -151,7 +179,34 @@ class Document(Products):
         """
         self._own_results()
         with self.results.locked():
-            return add_video(self.project, self.folder, Path(path), cameras, exposure)
+            return add_video(self.project, self.folder, Path(path), cameras, exposure, lens)
+
+    def set_rasters(self, told: dict[str, Any]) -> str:
+        """Stage rasters, as `registered` tells them; the project has them when `apply` returned.
+
+        NAME.json holds them, where NAME is the first product of the filter: a run that finds it
+        unchanged brings them again. Returns NAME.
+        """
+        name = self._writing_now().products[0]
+        self.set_json(name, told)
+        self._placing = told
+        return name
+
+    def _bring_rasters(self, filter: Filter) -> bool:
+        """Place the rasters of an unchanged filter again; False where that cannot be.
+
+        A project that was read anew has them not yet.
+        """
+        product = filter.writes[0] if filter.writes else ""
+        if not product or not self.has_json(product):
+            return True
+        told = self.json(product)
+        if "clips" not in told:
+            return True
+        if missing_sources(told):
+            return False
+        place_rasters(self.project, self.folder, told)
+        return True
 
     def object_layer(self) -> Layer:
         """The mesh that the suite works on: the layer chosen by label, else the visible one.
@@ -240,7 +295,7 @@ class Document(Products):
             fresh = self._freshness()
             inputs = fresh.inputs(filter, given)
             key = filter_key(filter, given, inputs)
-            if not force and fresh.unchanged(filter, key):
+            if not force and fresh.unchanged(filter, key) and self._bring_rasters(filter):
                 edited = any(self.edited(product) for product in filter.writes)
                 message = "unchanged but for edits (kept)" if edited else "unchanged"
                 return Outcome(filter.name, message, skipped=True)
@@ -260,6 +315,7 @@ class Document(Products):
                 inputs=inputs,
                 run=run,
             ):
+                self._placing = None
                 message = filter.apply(self, given, Progress(show)) or "done"
                 outcome = Outcome(
                     filter.name,
@@ -271,7 +327,12 @@ class Document(Products):
                 run["seconds"] = round(outcome.seconds, 3)
                 run["cpu_seconds"] = round(outcome.cpu_seconds, 3)
                 run["date"] = time.strftime("%Y-%m-%dT%H:%M:%S%z")
-            if "rasters" in filter.needs:
+                if self._placing is not None:  # the project's rasters are no longer those it saw
+                    for name in [n for n in inputs if n == "rasters" or n.startswith(RASTER)]:
+                        del inputs[name]
+            if self._placing is not None:
+                place_rasters(self.project, self.folder, plain(self._placing))
+            elif "rasters" in filter.needs:
                 remember(self.project, self.layers, self.folder)
         return outcome
 
@@ -290,7 +351,13 @@ class Document(Products):
             lambda: raster_digest(self.rasters),
             self._frames_there,
             self._layer_digest,
+            self._raster_digest,
         )
+
+    def _raster_digest(self, label: str) -> str:
+        """Of the raster of that label, "" where there is none."""
+        found = [raster for raster in self.project.rasters if raster.label == label]
+        return raster_digest(found) if found else ""
 
     def _frames_there(self) -> bool:
         frames = Frames(self.rasters)
@@ -367,7 +434,9 @@ def raster_digest(rasters: list[RasterEntry], frames: Frames | None = None) -> s
     that are missing count as such. `frames` : of these rasters or more, to look nothing up again.
     """
     if not rasters:
-        raise DocumentError("the project has no rasters: add registered frames in MeshLab")
+        raise DocumentError(
+            "the project has no rasters: add them with `meshlab-svbrdf register`, or in MeshLab"
+        )
     frames = frames or Frames(rasters)
     sequences = list(dict.fromkeys(raster.sequence for raster in rasters))
     return digest(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import asdict
 from functools import cache
 from pathlib import Path
 from threading import Lock
@@ -53,6 +54,8 @@ class Frames:
         except DocumentError as error:
             raise DocumentError(f"{where}: {error}") from None
         check_size(image, size, f"{where}: {frame.video}")
+        if frame.lens is not None:
+            image = frame.lens.undistort(image)
         return reduced(image, reduce)
 
     def problem(self, raster: RasterEntry) -> str:
@@ -79,7 +82,8 @@ class Frames:
         frame = self.videos.get(raster.path)
         if frame is None:
             return file_stamp(raster.path)
-        return [raster.path.name, frame.time, *file_stamp(frame.video)]
+        lens = [] if frame.lens is None else [asdict(frame.lens)]
+        return [raster.path.name, frame.time, *lens, *file_stamp(frame.video)]
 
     def close(self) -> None:
         for reader in self._readers.values():

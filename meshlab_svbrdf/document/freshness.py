@@ -20,9 +20,12 @@ from .. import registry
 from ..errors import DocumentError, MissingStageError
 from ..filter import INPUTS, Filter, Namespace, Percentage
 from ..geometry.mesh import Mesh
+from .frames import file_stamp
 from .images import texture_files
 from .record import ResultFolder, digest
 
+RASTER = "raster "  # before a label: one that a parameter of the kind "rasters" names
+HUGE = 100_000_000  # bytes: larger files count by name, size and date
 LAYER = "layer "  # before a label: an input that a parameter of the kind "layer" names
 
 
@@ -37,6 +40,7 @@ class Freshness:
     frames_there : whether the frames are; where they went, after the results were made from them,
         results do not grow stale by that
     layer : the digest of a layer by its label, "" where it went away, which counts as the frames'
+    raster : the digest of one raster by its label, "" where there is none
     """
 
     def __init__(
@@ -46,12 +50,14 @@ class Freshness:
         rasters: Callable[[], str],
         frames_there: Callable[[], bool],
         layer: Callable[[str], str],
+        raster: Callable[[str], str] = lambda label: "",
     ) -> None:
         self._results = results
         self._products: dict[str, Any] = results.record["products"]
         self._frames_there = cache(frames_there)
         self._inputs = {"mesh": cache(mesh), "rasters": cache(rasters)}
         self._layer = cache(layer)
+        self._raster = cache(raster)
 
     def stale(self, product: str) -> str:
         """Which input of `product` is not what it was, or "" where all are."""
@@ -72,12 +78,14 @@ class Freshness:
 
     def inputs(self, filter: Filter, parameters: Namespace) -> dict[str, str]:
         """The keys of what the filter needs; MissingStageError where a product is not there."""
-        labels = (
-            getattr(parameters, parameter.name)
-            for parameter in filter.parameters
-            if parameter.kind == "layer"
-        )
-        keys = {LAYER + label: self._layer(label) for label in labels if label}
+        keys = {}
+        for parameter in filter.parameters:
+            label = getattr(parameters, parameter.name)
+            if parameter.kind == "layer" and label:
+                keys[LAYER + label] = self._layer(label)
+            elif parameter.kind == "rasters":
+                for each in split_labels(label):
+                    keys[RASTER + each] = self._raster(each)
         for need in filter.needs_with(parameters):
             if need in INPUTS:
                 keys[need] = self._inputs[need]()
@@ -110,6 +118,11 @@ class Freshness:
         )
 
 
+def split_labels(text: str) -> list[str]:
+    """The labels of "a; b"."""
+    return [label.strip() for label in text.split(";") if label.strip()]
+
+
 def filter_key(filter: Filter, parameters: Namespace, inputs: dict[str, str]) -> str:
     """SHA-256 of all that decides a filter's result; files given as parameters count by content."""
     return digest(
@@ -134,9 +147,15 @@ def _key_of(value: Any) -> Any:
         return f"{value.percent!r}%"
     if isinstance(value, np.ndarray):
         return value.tolist()
+    if isinstance(value, tuple):
+        return [_key_of(item) for item in value]
     if isinstance(value, Path):
+        if value.is_dir():
+            return [str(value), *(file_stamp(file) for file in sorted(value.iterdir()))]
         if not value.is_file():
             return str(value)
+        if value.stat().st_size > HUGE:
+            return file_stamp(value)
         files = takewhile(Path.is_file, (texture_files(value, k + 1)[k] for k in count()))
         digests = [_file_digest(file) for file in files]
         return digests if len(digests) > 1 else digests[0]

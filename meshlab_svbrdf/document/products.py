@@ -122,6 +122,14 @@ class Products:
     def has_json(self, name: str) -> bool:
         return self._look(f"{name}.json") is not None
 
+    def set_text(self, name: str, text: str) -> None:
+        """Stage a text file at the folder's top (registration.csv)."""
+        self._stage(name).write_text(text, encoding="utf-8")
+
+    def staged_file(self, entry: str) -> Path:
+        """Where to write a file of any other kind, by its place in the folder."""
+        return self._stage(entry)
+
     # Scripts
 
     def find_script(self, name: str) -> Path | None:

@@ -78,6 +78,30 @@ def parse_xml(path: Path) -> ET.Element:
     return root
 
 
+def parse_plain(path: Path) -> ET.Element:
+    """The root element of any other XML file; entities are refused before anything is expanded.
+
+    Raises
+    ------
+    DocumentError : the file is missing, malformed, or declares entities.
+    """
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise DocumentError(f"{path}: cannot be read ({error.strerror})") from None
+
+    def refuse(name: str, *_: object) -> None:
+        raise DocumentError(f"{path}: declares the XML entity {name!r}; remove it from the DOCTYPE")
+
+    try:
+        scout = expat.ParserCreate()
+        scout.EntityDeclHandler = refuse
+        scout.Parse(data, True)
+        return ET.fromstring(data)
+    except (expat.ExpatError, ET.ParseError, ValueError, LookupError) as error:
+        raise DocumentError(f"{path}: is not well-formed XML ({error})") from None
+
+
 def write_xml(root: ET.Element, path: Path) -> None:
     """Write a project file whole or not at all."""
     text = f"{DOCTYPE}\n{ET.tostring(root, encoding='unicode')}\n"

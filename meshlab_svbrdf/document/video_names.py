@@ -9,12 +9,13 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from math import isfinite
 from pathlib import Path
 from typing import Any
 
 from ..errors import DocumentError
+from ..geometry.lens import Lens
 from .record import write_json
 
 FRAMES = "frames"  # the folder in NAME.svbrdf
@@ -28,11 +29,13 @@ class VideoFrame:
 
     index : its place in the order of presentation, from 0
     time : seconds, when it is shown; this finds it, whatever the frame rate
+    lens : that it was filmed with, where it distorts: the frame is undistorted when it is read
     """
 
     video: Path
     index: int
     time: float
+    lens: Lens | None = None
 
 
 def is_frames_folder(folder: Path) -> bool:
@@ -73,6 +76,7 @@ def read_videos(folder: Path) -> dict[str, VideoFrame]:
                 Path(os.path.normpath(folder.resolve() / video["file"])),
                 int(frame["index"]),
                 float(frame["time"]),
+                _lens(video.get("lens")),
             )
             for video in content["videos"]
             for name, frame in video["frames"].items()
@@ -90,13 +94,24 @@ def read_videos(folder: Path) -> dict[str, VideoFrame]:
 def write_videos(folder: Path, frames: Mapping[str, VideoFrame]) -> None:
     """Write the JSON whole or not at all; the folder is made."""
     folder.mkdir(parents=True, exist_ok=True)
-    videos: dict[Path, dict[str, Any]] = {}
+    videos: dict[tuple[Path, Lens | None], dict[str, Any]] = {}
     for name, frame in frames.items():
         entry = videos.setdefault(
-            frame.video, {"file": relative(frame.video, folder.resolve()), "frames": {}}
+            (frame.video, frame.lens),
+            {"file": relative(frame.video, folder.resolve()), "frames": {}}
+            | ({"lens": asdict(frame.lens)} if frame.lens else {}),
         )
         entry["frames"][name] = {"index": frame.index, "time": frame.time}
     write_json(folder / VIDEOS, {"format": FORMAT, "videos": list(videos.values())})
+
+
+def _lens(entry: dict[str, Any] | None) -> Lens | None:
+    if entry is None:
+        return None
+    fx, fy, cx, cy = (float(entry[name]) for name in ("fx", "fy", "cx", "cy"))
+    k1, k2, p1, p2, k3 = (float(value) for value in entry["coefficients"])
+    size = int(entry["width"]), int(entry["height"])
+    return Lens(*size, fx, fy, cx, cy, (k1, k2, p1, p2, k3))
 
 
 def video_frames(paths: Iterable[Path]) -> dict[Path, VideoFrame]:

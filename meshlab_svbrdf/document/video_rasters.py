@@ -12,6 +12,7 @@ from pathlib import Path
 
 from ..errors import DocumentError
 from ..geometry.camera import Camera
+from ..geometry.lens import Lens
 from .layers import moved
 from .project import Project, RasterEntry
 from .project_entries import absolute, folder_name
@@ -33,11 +34,12 @@ def add_video(
     path: Path,
     cameras: Mapping[int, Camera],
     exposure: float | None = None,
+    lens: Lens | None = None,
 ) -> list[RasterEntry]:
     """Add frames of a video, in their order; all of them or none (`Document.add_video`).
 
     folder : of the results, NAME.svbrdf
-    cameras : by the frame's index
+    cameras : by the frame's index; of the undistorted frames, where there is a `lens`
     """
     video, frames = absolute(path), folder / FRAMES
     times = frame_times(video)
@@ -51,7 +53,7 @@ def add_video(
     taken = {raster.label for raster in project.rasters}
     new: dict[str, VideoFrame] = {}
     for index in sorted(cameras):
-        frame = VideoFrame(video, int(index), float(times[index]))
+        frame = VideoFrame(video, int(index), float(times[index]), lens)
         name = name_frame(frame, known)
         if name in taken:
             raise DocumentError(f"{path}: a raster {name!r} exists already; remove it first")

@@ -112,12 +112,24 @@ def _local_spacing(distance: np.ndarray) -> np.ndarray:
     return np.minimum(fourth, COARSEST_CHART * np.median(fourth))
 
 
+def _symmetrise(
+    distance: np.ndarray, index: np.ndarray, limit: np.ndarray, normal: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Every texel's own neighbours, and the mirror of an edge that the other end did not find."""
+    touches = np.zeros(index.shape, np.bool_)
+    _touch(distance, index, limit, normal, touches)
+    counts = np.zeros(len(index), np.int64)
+    _enter(index, touches, counts, np.empty(0, np.int32))
+    indptr = np.concatenate([[0], np.cumsum(counts)])
+    indices = np.empty(indptr[-1], np.int32)
+    _enter(index, touches, indptr[:-1].copy(), indices)
+    return indptr, indices
+
+
 @nb.njit(cache=True, nogil=True)
-def _symmetrise(distance, index, limit, normal):
-    texels, columns = index.shape
-    touches = np.zeros((texels, columns), np.bool_)
-    for i in range(texels):
-        for c in range(columns):
+def _touch(distance, index, limit, normal, touches):
+    for i in range(index.shape[0]):
+        for c in range(index.shape[1]):
             j = index[i, c]
             if j != i and distance[i, c] <= limit[i]:
                 facing = 0.0
@@ -125,29 +137,27 @@ def _symmetrise(distance, index, limit, normal):
                     facing += normal[i, axis] * normal[j, axis]
                 touches[i, c] = facing > 0
 
-    # Count, then fill: own neighbours, and the mirror of an edge that the other end did not find
-    indptr = np.zeros(texels + 1, np.int64)
-    indices = np.empty(0, np.int32)
-    cursor = np.zeros(texels, np.int64)
-    for fill in range(2):
-        if fill == 1:
-            indptr[1:] = np.cumsum(cursor)
-            indices = np.empty(indptr[texels], np.int32)
-            cursor[:] = indptr[:-1]
-        for i in range(texels):
-            for c in range(columns):
-                if not touches[i, c]:
-                    continue
-                j = index[i, c]
-                mutual = False
-                for other in range(columns):
-                    if index[j, other] == i and touches[j, other]:
-                        mutual = True
-                if fill == 1:
-                    indices[cursor[i]] = j
-                cursor[i] += 1
-                if not mutual:
-                    if fill == 1:
-                        indices[cursor[j]] = i
-                    cursor[j] += 1
-    return indptr, indices
+
+@nb.njit(cache=True, nogil=True)
+def _enter(index, touches, cursor, indices):
+    """Write the edges where the cursors of their texels stand; only count where there is no room.
+
+    The cursors move on.
+    """
+    columns = index.shape[1]
+    for i in range(index.shape[0]):
+        for c in range(columns):
+            if not touches[i, c]:
+                continue
+            j = index[i, c]
+            mutual = False
+            for other in range(columns):
+                if index[j, other] == i and touches[j, other]:
+                    mutual = True
+            if len(indices):
+                indices[cursor[i]] = j
+            cursor[i] += 1
+            if not mutual:
+                if len(indices):
+                    indices[cursor[j]] = i
+                cursor[j] += 1

@@ -42,22 +42,26 @@ def _put(inverse_depth, face_index, row, col, w, f):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
+def _cross(a, b):
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def _fill_homogeneous(a, b, c, f, inverse_depth, face_index):
     """Fill one face whose corners, homogeneous (u z, v z, z), may lie behind the camera."""
     height, width = inverse_depth.shape
     if max(a[2], b[2], c[2]) <= _NEAR:
         return
-    e0, e1, e2 = np.cross(b, c), np.cross(c, a), np.cross(a, b)
+    e0, e1, e2 = _cross(b, c), _cross(c, a), _cross(a, b)
     det = a[0] * e0[0] + a[1] * e0[1] + a[2] * e0[2]
     if det == 0.0:
         return
-    e0, e1, e2 = e0 / det, e1 / det, e2 / det
     # A pixel far out may be under the face through infinity only: all are tested
     for row in range(height):
         for col in range(width):
-            w0 = e0[0] * col + e0[1] * row + e0[2]
-            w1 = e1[0] * col + e1[1] * row + e1[2]
-            w2 = e2[0] * col + e2[1] * row + e2[2]
+            w0 = (e0[0] * col + e0[1] * row + e0[2]) / det
+            w1 = (e1[0] * col + e1[1] * row + e1[2]) / det
+            w2 = (e2[0] * col + e2[1] * row + e2[2]) / det
             if w0 >= 0.0 and w1 >= 0.0 and w2 >= 0.0:
                 _put(inverse_depth, face_index, row, col, w0 + w1 + w2, f)
 

@@ -19,29 +19,32 @@ FLATTEST_CELL = 1e-3
 @njit(cache=True, nogil=True)
 def _surface_shape(indptr, indices, position, normal, shape):
     """Least squares of n_j − n_i = S (x_j − x_i) over the neighbours, in the tangent plane."""
-    axes, a, b = np.empty((2, 3)), np.empty(2), np.empty(3)
+    axes, b, moment = np.empty((2, 3)), np.empty(3), np.empty((2, 3))
     for i in range(len(position)):
         n = normal[i]
         (axes[0, 0], axes[0, 1], axes[0, 2], axes[1, 0], axes[1, 1], axes[1, 2]) = tangents(
             n[0], n[1], n[2]
         )
         aa, ab, bb = 0.0, 0.0, 0.0
-        moment = np.zeros((2, 3))
+        for c in range(3):
+            moment[0, c] = moment[1, c] = 0.0
         for e in range(indptr[i], indptr[i + 1]):
             j = indices[e]
-            a[:] = 0.0
+            p, q = 0.0, 0.0
             for c in range(3):
                 step = position[j, c] - position[i, c]
-                a[0] += step * axes[0, c]
-                a[1] += step * axes[1, c]
+                p += step * axes[0, c]
+                q += step * axes[1, c]
                 b[c] = normal[j, c] - n[c]
-            aa, ab, bb = aa + a[0] * a[0], ab + a[0] * a[1], bb + a[1] * a[1]
+            aa, ab, bb = aa + p * p, ab + p * q, bb + q * q
             for c in range(3):
-                moment[0, c] += a[0] * b[c]
-                moment[1, c] += a[1] * b[c]
+                moment[0, c] += p * b[c]
+                moment[1, c] += q * b[c]
         det = aa * bb - ab * ab
         if not det > FLATTEST_CELL * (aa + bb) ** 2:
-            shape[i] = np.nan
+            for c in range(3):
+                for d in range(3):
+                    shape[i, c, d] = np.nan
             continue
         for c in range(3):
             u = (bb * moment[0, c] - ab * moment[1, c]) / det

@@ -15,6 +15,7 @@ from scipy.optimize import minimize_scalar
 
 from ..geometry.adjacency import neighbours, thin
 from ..geometry.harmonics import COEFFICIENTS, basis
+from ..geometry.texels import Texels
 from ..samples.observations import Observations
 from .lights import Light
 from .phong import cast_shadows, lamps, light_texels
@@ -43,18 +44,22 @@ class Ambient:
     error: np.ndarray
 
 
-def openness(observations: Observations, normal: np.ndarray) -> np.ndarray:
-    """The cosine-weighted share of the hemisphere that each texel sees, (T,) in 0..1."""
-    view = observations.view
-    if len(view.coefficients) == 0:
+def openness(
+    texels: Texels, faces: np.ndarray, coefficients: np.ndarray, normal: np.ndarray
+) -> np.ndarray:
+    """The cosine-weighted share of the hemisphere that each texel sees, (T,) in 0..1.
+
+    coefficients : (V, 36) of the visibility, or (0, 36): all is visible
+    """
+    if len(coefficients) == 0:
         return np.ones(len(normal))
     zonal = np.repeat(_COSINE, [2 * l + 1 for l in range(len(_COSINE))])[:COEFFICIENTS]
     share = np.empty(len(normal))
     for first in range(0, len(normal), 1 << 16):
         own = slice(first, first + (1 << 16))
-        corners = view.coefficients[view.faces[view.face[own]]]
-        coefficients = np.einsum("tc,tck->tk", view.barycentric[own], corners)
-        share[own] = (coefficients * zonal * basis(normal[own])).sum(1)
+        corners = coefficients[faces[texels.face[own]]]
+        seen = np.einsum("tc,tck->tk", texels.barycentric[own], corners)
+        share[own] = (seen * zonal * basis(normal[own])).sum(1)
     return np.clip(share, 0, 1)
 
 

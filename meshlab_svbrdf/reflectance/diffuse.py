@@ -11,16 +11,15 @@ from ..geometry.harmonics import evaluate_all, scale_coefficients
 from ..samples.observations import (
     VISIBLE,
     Observations,
-    color,
     fill_visibility,
     longest,
     mirrors,
-    relative_luminance,
-    sample_quality,
     visibility,
 )
 from .directions import look_up, octahedral_cell, octahedral_directions
 from .power import FAST, exp
+from .ranks import quantile
+from .rows import luminances, read_row
 from .threshold import LuminanceStatistics
 
 _CELLS = 512  # of the octahedral map along a side: .35° a cell, against a cone of 5°
@@ -118,7 +117,8 @@ def _cone_with_visibility(lit, coefficients, x, y, z):
     for k in range(len(weights)):
         c, s1, s2 = cosines[k], sines[k] * np.cos(phis[k]), sines[k] * np.sin(phis[k])
         dx, dy, dz = c * x + s1 * ux + s2 * vx, c * y + s1 * uy + s2 * vy, c * z + s1 * uz + s2 * vz
-        g = weights[k] * visibility(True, coefficients, dx, dy, dz)
+        ray = np.float32(dx), np.float32(dy), np.float32(dz)
+        g = weights[k] * visibility(True, coefficients, ray[0], ray[1], ray[2])
         row, col = octahedral_cell(dx, dy, dz, height)
         top += g * probability[row, col]
         bottom += g
@@ -190,22 +190,19 @@ def _diffuse(block, view, threshold, minimum, lit, letter, method, out):
             continue
         red, green, blue, quality = buffer[0, :n], buffer[1, :n], buffer[2, :n], buffer[3, :n]
         ys, ws = buffer[4, :n], buffer[5, :n]
-        for j in range(n):
-            red[j], green[j], blue[j] = color(block, view, first + j)
-            quality[j] = sample_quality(block, first + j)
-        for j in range(n):
-            ys[j] = relative_luminance(red[j], green[j], blue[j])
+        read_row(block, view, first, n, red, green, blue, quality, ws)
+        luminances(n, red, green, blue, ys)
         # Bound the diffuse samples
         if method == _STATISTICAL:
             _specular_weights(block, view, i, threshold[t], minimum[t], ys, lit, letter, rows, ws)
             bound = float(_weighted_bound(ys, ws, threshold[t]))
         elif method == _TRIMMED:
-            median = np.median(ys)
+            median = quantile(ys, 0.5)
             for j in range(n):
                 ws[j] = abs(ys[j] - median)
-            bound = float(median + 1.5 * np.median(ws))
+            bound = float(median + 1.5 * quantile(ws, 0.5))
         else:
-            bound = float(np.quantile(ys, 0.25))
+            bound = float(quantile(ys, 0.25))
         # Average the colours below the bound (eq. 6)
         limit = np.float32(bound + 1e-4)
         out[t, 0] = _mean_below(ys, limit, quality, red)

@@ -2,33 +2,44 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numba import njit
 
-from ..samples.observations import Observations, color, longest, mirrors, sample_quality
-from .fit_samples import is_clipped
+from ..samples.observations import Observations, longest, mirrors
+from ..samples.store import Block
 from .lights import Light
-from .lobes import add_sharp
+from .lobes import add_sharp, clear
 from .microfacet import PHONG, Gloss, specular
 from .phong import cast_shadows, lamps, light_texel
 from .power import FAST
+from .ranks import quantile
+from .rows import luminances, read_row
 
 LEAST_SCALE = 0.3
 """Of the residuals, 0..100: the noise of eight bits."""
 
 
-@njit(cache=True, nogil=True, fastmath=FAST)
-def _weigh(n, e, d, shine, quality, bound, h0, w):
-    """w' = q · huber / (1 + (S/10)²); a clipped sample, a `bound`, counts if d is too dark for it.
+@njit(cache=True, nogil=True, fastmath=FAST, error_model="numpy")
+def _trust(n, shine, quality, h0, h, trust):
+    """Huber's threshold h = h0 + .2 S, and q / (1 + (S/10)²), what weights are before it."""
+    for j in range(n):
+        tenth = np.float32(0.1) * shine[j]
+        h[j] = h0 + np.float32(0.2) * shine[j]
+        trust[j] = quality[j] / (np.float32(1) + tenth * tenth)
+
+
+@njit(cache=True, nogil=True, fastmath=FAST, error_model="numpy")
+def _weigh(n, e, d, h, trust, bound, w):
+    """w' = trust · huber; a clipped sample, a `bound`, counts only if d is too dark for it.
 
     Returns Σ w' e and Σ w'.
     """
     top, weight = 0.0, 0.0
     for j in range(n):
         away = e[j] - d
-        h = (h0 + np.float32(0.2) * shine[j]) / max(abs(away), np.float32(1e-9))
-        tenth = np.float32(0.1) * shine[j]
-        a = quality[j] * min(np.float32(1), h) / (np.float32(1) + tenth * tenth)
+        a = trust[j] * h[j] / max(h[j], abs(away))
         w[j] = a if away > bound[j] else np.float32(0)
         top += w[j] * e[j]
         weight += w[j]
@@ -36,21 +47,27 @@ def _weigh(n, e, d, shine, quality, bound, h0, w):
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)
-def _mean(n, value, shine, tint, w):
-    """Σ w' (I − c S) of a channel."""
-    total = 0.0
+def _sums(n, red, green, blue, shine, w):
+    """Σ w' I of each channel, and Σ w' S."""
+    r, g, b, s = 0.0, 0.0, 0.0, 0.0
     for j in range(n):
-        total += w[j] * (value[j] - tint * shine[j])
-    return total
+        r += w[j] * red[j]
+        g += w[j] * green[j]
+        b += w[j] * blue[j]
+        s += w[j] * shine[j]
+    return r, g, b, s
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _refit(block, view, material, gloss, tint, bulbs, diffuse):
     coefficients = np.empty(36, np.float32)
     count = len(bulbs.gain)
     rays, gains = np.empty((count, 3), np.float32), np.empty(count, np.float32)
     most = longest(block.offsets, 0, block.stop - block.first)
-    x, y, z, red, green, blue, shine, e, w, quality, bound = np.empty((11, most), np.float32)
+    rows = np.empty((13, most), np.float32)
+    x, y, z, red, green, blue = rows[0], rows[1], rows[2], rows[3], rows[4], rows[5]
+    shine, e, w, quality, bound = rows[6], rows[7], rows[8], rows[9], rows[10]
+    h, trust = rows[11], rows[12]
     for i in range(block.stop - block.first):
         t, first = block.first + i, block.offsets[i]
         n = block.offsets[i + 1] - first
@@ -58,37 +75,31 @@ def _refit(block, view, material, gloss, tint, bulbs, diffuse):
         if m < 0 or not gloss.facing[m] + gloss.grazing[m] > 0 or not diffuse[t, 0] >= 0:
             continue
         light_texel(view, t, bulbs, coefficients, rays, gains)
-        for j in range(n):
-            red[j], green[j], blue[j] = color(block, view, first + j)
-            quality[j] = sample_quality(block, first + j)
-            bound[j] = 0.0 if is_clipped(block, view, first + j) else -np.inf
+        read_row(block, view, first, n, red, green, blue, quality, bound)
         mirrors(view, t, block.frame[first : first + n], x, y, z)
+        clear(n, shine)
         if gloss.kind[m] == PHONG:
-            shine[:n] = 0.0
-            add_sharp(x[:n], y[:n], z[:n], rays, gains, gloss.shape[m], shine)
-            for j in range(n):
-                shine[j] *= np.float32(gloss.facing[m])
+            add_sharp(x[:n], y[:n], z[:n], rays, gains, gloss.shape[m], gloss.facing[m], shine)
         else:
             for j in range(n):
                 shine[j] = specular(gloss, m, 0.0, view.normal[t], x[j], y[j], z[j], rays, gains)
         # Subtract the lobes; weigh by the residual against the diffuse colour so far
         d = 0.2126 * diffuse[t, 0] + 0.7152 * diffuse[t, 1] + 0.0722 * diffuse[t, 2]
+        luminances(n, red, green, blue, e)
         for j in range(n):
-            e[j] = (
-                np.float32(0.2126) * red[j] + np.float32(0.7152) * green[j]
-                + np.float32(0.0722) * blue[j] - shine[j]
-            )  # fmt: skip
-        for j in range(n):
+            e[j] -= shine[j]
             w[j] = abs(e[j] - np.float32(d))
-        h0 = np.float32(max(LEAST_SCALE, 1.68 * np.median(w[:n])))
+        h0 = np.float32(max(LEAST_SCALE, 1.68 * quantile(w[:n], 0.5)))
+        _trust(n, shine, quality, h0, h, trust)
         for _ in range(2):
-            top, weight = _weigh(n, e, np.float32(d), shine, quality, bound, h0, w)
+            top, weight = _weigh(n, e, np.float32(d), h, trust, bound, w)
             if weight > 0:
                 d = top / weight
         if weight > 0:
-            diffuse[t, 0] = max(_mean(n, red, shine, np.float32(tint[m, 0]), w) / weight, 0.0)
-            diffuse[t, 1] = max(_mean(n, green, shine, np.float32(tint[m, 1]), w) / weight, 0.0)
-            diffuse[t, 2] = max(_mean(n, blue, shine, np.float32(tint[m, 2]), w) / weight, 0.0)
+            r, g, b, s = _sums(n, red, green, blue, shine, w)
+            diffuse[t, 0] = max((r - tint[m, 0] * s) / weight, 0.0)
+            diffuse[t, 1] = max((g - tint[m, 1] * s) / weight, 0.0)
+            diffuse[t, 2] = max((b - tint[m, 2] * s) / weight, 0.0)
 
 
 def refit_diffuse(
@@ -98,7 +109,8 @@ def refit_diffuse(
     gloss: Gloss,
     tint: np.ndarray,
     lights: list[Light],
-    progress=lambda done, total: None,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+    also: Callable[[Block], None] = lambda block: None,
 ) -> np.ndarray:
     """D of every texel with its material's highlights taken off, (T, 3) float32, linear RGB 0..100.
 
@@ -107,6 +119,7 @@ def refit_diffuse(
     diffuse : (T, 3), the statistical D; it stays where the material has no gloss
     material : (T,) int32, -1 for none
     gloss : of the M materials; tint : (M, 3), the highlights' colours
+    also : what else is to be done with every block, now that it is read
     """
     out = diffuse.astype(np.float32).copy()
     everywhere = np.arange(len(observations.texels))
@@ -114,7 +127,10 @@ def refit_diffuse(
         lights, observations.texels.radius, cast_shadows(observations, everywhere, lights)
     )
     tint = np.asarray(tint, np.float64)
-    observations.store.map(
-        lambda block: _refit(block, observations.view, material, gloss, tint, bulbs, out), progress
-    )
+
+    def work(block: Block) -> None:
+        _refit(block, observations.view, material, gloss, tint, bulbs, out)
+        also(block)
+
+    observations.store.map(work, progress)
     return out

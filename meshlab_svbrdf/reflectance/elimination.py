@@ -14,7 +14,7 @@ from numba import njit
 
 from ..samples.observations import longest
 from .fit_samples import FitSamples
-from .lobes import NOTHING, add, part, soften, take
+from .lobes import NOTHING, add, clear, part, soften, take
 from .power import FAST
 
 ALPHAS = 2.0 ** (np.arange(34) / 3)
@@ -50,8 +50,8 @@ def _eliminate(first, stop, offsets, material, y, w, mirror, blur, rays, gains, 
     """Add N, Q, T of the texels first..stop to sums (M, 3, A)."""
     most, lamps = longest(offsets, first, stop), gains.shape[1]
     columns = np.empty((8, most), np.float32)
-    h1, h2, height, phi, d = np.empty((5, most), np.float32)
-    u1, u2 = np.empty((2, lamps, most), np.float32)
+    rows, u = np.empty((5, most), np.float32), np.empty((2, lamps, most), np.float32)
+    h1, h2, height, phi, d = rows[0], rows[1], rows[2], rows[3], rows[4]
     least = np.empty(lamps)
     for i in range(first, stop):
         j, n = offsets[i], offsets[i + 1] - offsets[i]
@@ -61,23 +61,25 @@ def _eliminate(first, stop, offsets, material, y, w, mirror, blur, rays, gains, 
         sw, sy, syy = _luminances(n, y[j : j + n], y[j], weight, d)
         if sw <= 0:
             continue
-        sums[m, 2] += syy - sy * sy / sw
+        for a in range(len(ALPHAS)):
+            sums[m, 2, a] += syy - sy * sy / sw
         blurriest = take(mirror, blur, j, n, columns)
+        nearest = np.inf
         for k in range(lamps):
             least[k] = np.inf
             if gains[i, k] > 0:
-                least[k] = part(columns, n, rays[i, k], u1[k], u2[k])
-        start, end = window[m]
-        for a in range(start, end):
+                least[k] = part(columns, n, rays[i, k], u[0, k], u[1, k])
+            nearest = min(nearest, least[k])
+        for a in range(window[m, 0], window[m, 1]):
             # Leave the lamps out whose lobes have ended before all of the texel's samples
             reach = NOTHING * (1.0 / ALPHAS[a] + blurriest)
-            if least.min() > reach:
+            if nearest > reach:
                 break
             soften(columns, n, ALPHAS[a], h1, h2, height)
-            phi[:n] = 0.0
+            clear(n, phi)
             for k in range(lamps):
                 if least[k] <= reach:
-                    add(n, gains[i, k], h1, h2, height, u1[k], u2[k], phi)
+                    add(n, gains[i, k], h1, h2, height, u[0, k], u[1, k], phi)
             sp, spy, spp = _lobe_sums(n, phi, weight, d)
             sums[m, 0, a] += spy - sp * sy / sw
             sums[m, 1, a] += spp - sp * sp / sw

@@ -10,6 +10,7 @@ import numpy as np
 from ..samples.observations import Observations, with_normals
 from .diffuse_refit import refit_diffuse
 from .finish import finish_diffuse
+from .footprint import Footprints
 from .joint import Material, fit
 from .lights import Light
 from .microfacet import Microfacets
@@ -112,14 +113,15 @@ def estimate(
             observations, material, found.materials, lights, turn, footprint, **options
         )
     gloss, tint = described(chosen.materials, chosen.microfacets)
+    covered = Footprints(observations)
     refitted = refit_diffuse(
         observations, diffuse, material, gloss, tint, chosen.lights,
-        part(0.8, 0.9, "diffuse colour"),
+        part(0.8, 0.9, "diffuse colour"), covered.look,
     )  # fmt: skip
     rho_s, alpha = np.array([(m.rho_s, m.alpha) for m in chosen.materials]).reshape(-1, 2).T
     done = finish_diffuse(
         observations, refitted, material, rho_s, alpha, tint, chosen.lights,
-        ambient=ambient, sharp=sharp,
+        ambient=ambient, covered=covered if sharp else None,
     )  # fmt: skip
     return Estimate(
         chosen.materials, chosen.lights, done.diffuse, done.ambient, done.highlight, corrected,

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..samples.observations import Observations
 from .ambient import ambient_light, highlight_share, openness
-from .footprint import footprints
+from .footprint import Footprints
 from .lights import Light
 from .sharpen import sharpen
 
@@ -37,17 +37,19 @@ def finish_diffuse(
     lights: list[Light],
     *,
     ambient: bool = True,
-    sharp: bool = True,
+    covered: Footprints | None = None,
 ) -> Finished:
     """Take both out of D, (T, 3) with the lamps' lobes off.
 
     material : (T,) int32, -1 for none; rho_s, alpha : (M,), NaN where unobserved; tint : (M, 3)
+    covered : what the pixels cover, whose blur is to be taken out; None: it stays
     """
     notes: list[str] = []
     radiance, highlight = np.zeros(3), np.zeros_like(diffuse)
     if ambient and len(lights) and np.isfinite(rho_s).any():
         rho, shininess = np.nan_to_num(rho_s), np.nan_to_num(alpha, nan=1.0)
-        open_ = openness(observations, observations.view.normal)
+        view = observations.view
+        open_ = openness(observations.texels, view.faces, view.coefficients, view.normal)
         found = ambient_light(observations, diffuse, material, rho, shininess, tint, lights, open_)
         radiance = found.radiance
         if radiance.any():
@@ -59,6 +61,6 @@ def finish_diffuse(
         else:
             notes.append("no ambient light is seen")
     diffuse = diffuse - highlight
-    if sharp:
-        diffuse = sharpen(observations.texels, diffuse, *footprints(observations))
+    if covered is not None:
+        diffuse = sharpen(observations.texels, diffuse, covered.covariance, covered.noise)
     return Finished(diffuse, radiance, highlight, notes)

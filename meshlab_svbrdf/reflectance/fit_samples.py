@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numba import njit
@@ -11,6 +12,7 @@ from ..samples.observations import (
     Observations,
     color,
     mirror_direction,
+    relative_luminance,
     sample_luminance,
     sample_quality,
 )
@@ -48,20 +50,27 @@ class FitSamples:
 
     def blurred(self, times: float) -> FitSamples:
         """The same samples, blurred by so many times the variance."""
+        if times == 1:
+            return self
         return replace(self, blur=self.blur * np.array([times**0.5] * 3 + [times], np.float32))
 
-    @property
+    @cached_property
     def mean_blur(self) -> np.ndarray:
         """Variance by which pixels spread the mirror direction, mean of both axes, (N,)."""
         return 0.5 * (np.einsum("na,na->n", self.blur[:, :3], self.blur[:, :3]) + self.blur[:, 3])
 
 
 @njit(cache=True, nogil=True)
+def clips(quality, r, g, b):
+    """A sample of this colour, linear 0..1 before dividing by exposure, and stored quality."""
+    return quality >= 128 or np.float32(100) * relative_luminance(r, g, b) > SATURATED
+
+
+@njit(cache=True, nogil=True)
 def is_clipped(block, view, j):
     """Any tap of sample j was clipped, or its luminance before dividing by exposure is above 98."""
     red, green, blue = block.value[j, 0], block.value[j, 1], block.value[j, 2]
-    own = 0.2126 * view.linear[red] + 0.7152 * view.linear[green] + 0.0722 * view.linear[blue]
-    return block.value[j, 3] >= 128 or 100.0 * own > SATURATED
+    return clips(block.value[j, 3], view.linear[red], view.linear[green], view.linear[blue])
 
 
 @njit(cache=True, nogil=True)

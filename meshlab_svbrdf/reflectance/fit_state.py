@@ -13,9 +13,9 @@ from .elimination import Profile, eliminate, profile
 from .evidence import Evidence, weigh_evidence
 from .fit_samples import FitSamples
 from .lights import Light
-from .lobes import add_blurred
+from .lobes import add_blurred, clear
 from .phong import cast_shadows, lamps, light_texels
-from .shadow_edges import kept, shadow_edges
+from .shadow_edges import alike, kept, shadow_edges
 
 
 @njit(cache=True, nogil=True)
@@ -27,7 +27,7 @@ def _predict(
     for i in range(first, stop):
         m, start, end = material[i], offsets[i], offsets[i + 1]
         shine = specular[start:end]
-        shine[:] = 0.0
+        clear(end - start, shine)
         if rho[m] > 0:
             add_blurred(
                 mirror, blur, start, end - start, rays[i], gains[i], alpha[m], scratch, shine
@@ -102,15 +102,17 @@ class FitState:
         self.weight = np.where(samples.clipped, 0, samples.quality).astype(np.float32)
         self.specular = np.zeros(len(samples), np.float32)
         self.residual = np.zeros(len(samples), np.float32)
+        self._edges_of: list[Light] = []
 
     def light(self, lights: list[Light]) -> None:
         """Light the texels; those at edges of shadows lose their weight when it is taken anew."""
         texels, own = self.samples.texel, self.observations
         lit = cast_shadows(own, texels, lights)
-        if lit is not None:
+        if lit is not None and not alike(lights, self._edges_of):
             keep = kept(shadow_edges(own, texels, lights, lit), self.samples.material)
             counts = np.diff(self.samples.offsets)
             self.quality = np.where(np.repeat(keep, counts), self.samples.quality, np.float32(0))
+            self._edges_of = lights
         self.lamps = lamps(lights, own.texels.radius, lit)
         self.rays, self.gains = light_texels(own.view, texels, self.lamps)
 

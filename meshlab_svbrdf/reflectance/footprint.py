@@ -7,6 +7,8 @@ from numba import njit
 
 from ..geometry.tangents import tangents
 from ..samples.observations import Observations, sample_luminance, sample_quality
+from ..samples.store import Block
+from .ranks import quantile
 
 SPREAD = 1 / 12 + 1 / 6
 """Pixels², variance per axis of what a sample averages over: a pixel is a box (1/12), and between
@@ -21,7 +23,7 @@ LOOKED_AT = 32
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _footprints(block, view, pixel, out, noise):
-    steps = np.empty(2 * LOOKED_AT)
+    steps = np.empty(2 * LOOKED_AT, np.float32)
     for i in range(block.stop - block.first):
         t = block.first + i
         nx, ny, nz = view.normal[t, 0], view.normal[t, 1], view.normal[t, 2]
@@ -54,23 +56,32 @@ def _footprints(block, view, pixel, out, noise):
         if weight > 0.0:
             out[t, 0], out[t, 1], out[t, 2] = aa / weight, ab / weight, bb / weight
         if count > 0:
-            noise[t] = STEP * np.median(steps[:count]) / np.sqrt(n)
+            noise[t] = STEP * quantile(steps[:count], 0.5) / np.sqrt(n)
 
 
-def footprints(observations: Observations) -> tuple[np.ndarray, np.ndarray]:
+class Footprints:
     """What the frames' pixels cover at each texel, and how certain their mean is.
 
-    Returns
-    -------
     covariance : (T, 3) float32, aa, ab and bb of a symmetric 2×2 matrix in the texel's `tangents`,
         in the mesh's units squared: the mean square of a pixel's side on the surface. A frame's
         pixel seen at the angle θ counts with (distance/f)² across the tilt and that over cos²θ
         along it; the frames weigh by the samples' quality. 0 where there are no samples.
     noise : (T,) float32, standard error of a mean of the samples' luminance, 0..100; 0 for one
     """
-    count = len(observations.texels)
-    covariance, noise = np.zeros((count, 3), np.float32), np.zeros(count, np.float32)
-    observations.store.map(
-        lambda block: _footprints(block, observations.view, observations.pixel, covariance, noise)
-    )
-    return covariance, noise
+
+    def __init__(self, observations: Observations) -> None:
+        count = len(observations.texels)
+        self.observations = observations
+        self.covariance, self.noise = np.zeros((count, 3), np.float32), np.zeros(count, np.float32)
+
+    def look(self, block: Block) -> None:
+        """Fill in a block's texels."""
+        own = self.observations
+        _footprints(block, own.view, own.pixel, self.covariance, self.noise)
+
+
+def footprints(observations: Observations) -> Footprints:
+    """Those of all texels."""
+    found = Footprints(observations)
+    observations.store.map(found.look)
+    return found

@@ -83,7 +83,7 @@ def fit(
     footprint: float,
     *,
     rounds: int = 10,
-    samples: int = 3_000_000,
+    samples: int = 1_500_000,
     near: bool = True,
     long: bool = True,
     censoring: bool = True,
@@ -173,13 +173,13 @@ def fit(
             if r == min(settle, rounds - 1):
                 lights, free = _settle(lights, free, error, notes)
                 if long:
-                    few = gather(pool, samples // 8)
+                    few = gather(pool, samples // 4)
                     lights = fit_lengths(lights, _trial(few, lights, rho, alpha))
                     before, samples = samples, affordable(most, lights)
                     if samples != before:
                         state = renewed(pool)
                 if lens and observations.shape is not None:
-                    few = gather(pool, samples // 4)
+                    few = gather(pool, samples // 2)
                     blur = fit_blur(_blurred(few, lights, rho, alpha))
                     state.samples = state.samples.blurred(blur)
                     if blur > 1:
@@ -191,7 +191,7 @@ def fit(
         alpha = np.array([p.alpha for p in profiles])
         state.predict(rho, alpha)
         # Judge by texels that the fit has not used whether it explains anything
-        test = gather(pool, samples // 4, without=state.samples.texel)
+        test = gather(pool, samples // 2, without=state.samples.texel)
         test.light(lights)
         test.predict(rho, alpha)
         noise = huber_scale(state.samples, state.residual, state.weight, count) / 1.68 * 1.48

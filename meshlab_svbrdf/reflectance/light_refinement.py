@@ -33,7 +33,8 @@ def _normal_equations(
         if not rho[m] > 0:
             continue
         sw, se, touched = 0.0, 0.0, False
-        mean_j[:] = 0.0
+        for u in range(size):
+            mean_j[u] = 0.0
         for j in range(offsets[i], offsets[i + 1]):
             if w[j] <= 0:
                 continue
@@ -70,7 +71,8 @@ def _normal_equations(
                 if count == 0 or active[count - 1] != light:
                     active[count] = light
                     count += 1
-                    jac[b : b + PARAMETERS] = 0.0
+                    for u in range(b, b + PARAMETERS):
+                        jac[u] = 0.0
                 across = gx * f[0, 0] + gy * f[0, 1] + gz * f[0, 2]
                 up = gx * f[1, 0] + gy * f[1, 1] + gz * f[1, 2]
                 # Bar and breadth turn with the direction

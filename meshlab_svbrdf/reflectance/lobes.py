@@ -1,11 +1,14 @@
-"""Phong lobes of all samples of a texel at once, sharp or blurred by pixels (`pixel_blur`)."""
+"""Phong lobes of all samples of a texel at once, sharp or blurred by pixels (`pixel_blur`).
+
+Rows are taken by their numbers: unpacked, they would not be known to be contiguous.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 from numba import njit
 
-from .power import FAST, exp, ln
+from .power import FAST, LANES, exp, ln
 
 LEAST = np.float32(0.01)
 """Cosine of the farthest mirror direction that a lamp's lobe reaches."""
@@ -15,16 +18,37 @@ NOTHING = 14.0
 """−ln of what is left of a lobe's height where it ends."""
 
 
+@njit(cache=True, nogil=True, fastmath=LANES)
+def _nearest(x, y, z, a, b, c):
+    """The largest cosine between a lamp's direction and the mirror directions x, y, z (n,)."""
+    most = np.float32(-1)
+    for j in range(len(x)):
+        most = max(most, a * x[j] + b * y[j] + c * z[j])
+    return most
+
+
 @njit(cache=True, nogil=True, fastmath=FAST)
-def add_sharp(x, y, z, rays, gains, alpha, out):
-    """Add φ = Σ_k g_k (l_k·r)₊^α of the mirror directions x, y, z (n,) to out (n,); float32."""
-    power = np.float32(alpha)
+def add_sharp(x, y, z, rays, gains, alpha, rho, out):
+    """Add ρ Σ_k g_k (l_k·r)₊^α of the mirror directions x, y, z (n,) to out (n,); float32.
+
+    Lamps whose lobes have ended before all of them are left out.
+    """
+    power, reached = np.float32(alpha), np.exp(-NOTHING / alpha)
     for k in range(len(gains)):
         if gains[k] > 0:
-            a, b, c, gain = rays[k, 0], rays[k, 1], rays[k, 2], gains[k]
+            a, b, c, gain = rays[k, 0], rays[k, 1], rays[k, 2], np.float32(rho * gains[k])
+            if _nearest(x, y, z, a, b, c) < reached:
+                continue
             for j in range(len(x)):
                 cos = a * x[j] + b * y[j] + c * z[j]
                 out[j] += gain * exp(power * ln(max(cos, np.float32(1e-9))))
+
+
+@njit(cache=True, nogil=True)
+def clear(n, out):
+    """0 to out (n,); assigned to a slice it would take seconds to compile."""
+    for j in range(n):
+        out[j] = 0.0
 
 
 @njit(cache=True, nogil=True)
@@ -41,6 +65,14 @@ def take(mirror, blur, first, n, columns):
     return most
 
 
+@njit(cache=True, nogil=True, fastmath=LANES)
+def _least_sum(n, u1, u2):
+    least = FAR
+    for j in range(n):
+        least = min(least, u1[j] + u2[j])
+    return least
+
+
 @njit(cache=True, nogil=True, fastmath=FAST, error_model="numpy")
 def part(columns, n, ray, u1, u2):
     """How far a lamp stands from the mirror directions: −ln cos, shared out to the blur's axes.
@@ -48,7 +80,8 @@ def part(columns, n, ray, u1, u2):
     To u1, u2 (n,), along and across; returns the least of their sum.
     """
     a, b, c = ray[0], ray[1], ray[2]
-    x, y, z, bx, by, bz, s1, _ = columns
+    x, y, z, s1 = columns[0], columns[1], columns[2], columns[6]
+    bx, by, bz = columns[3], columns[4], columns[5]
     for j in range(n):
         cos = a * x[j] + b * y[j] + c * z[j]
         u = -ln(min(max(cos, LEAST), np.float32(1)))
@@ -58,10 +91,7 @@ def part(columns, n, ray, u1, u2):
         u = u if cos > LEAST else FAR
         u1[j] = u * share
         u2[j] = u - u1[j]
-    least = FAR
-    for j in range(n):
-        least = min(least, u1[j] + u2[j])
-    return least
+    return _least_sum(n, u1, u2)
 
 
 @njit(cache=True, nogil=True, fastmath=FAST, error_model="numpy")
@@ -85,7 +115,8 @@ def add(n, gain, h1, h2, height, u1, u2, out):
 @njit(cache=True, nogil=True)
 def add_blurred(mirror, blur, first, n, rays, gains, alpha, scratch, out):
     """Add φ of the samples first..first + n to out (n,), scratch (13, n); all float32."""
-    columns, (u1, u2, h1, h2, height) = scratch[:8], scratch[8:13]
+    columns, u1, u2 = scratch[:8], scratch[8], scratch[9]
+    h1, h2, height = scratch[10], scratch[11], scratch[12]
     blurriest = take(mirror, blur, first, n, columns)
     soften(columns, n, alpha, h1, h2, height)
     for k in range(len(gains)):

@@ -90,7 +90,9 @@ def _correlate(
                     spe += w[j] * p * residual[j]
                     spp += w[j] * p * p
             if spp > 0:
-                seen = rho[m] * visibility(has, coefficients, x, y, z)
+                seen = rho[m] * visibility(
+                    has, coefficients, np.float32(x), np.float32(y), np.float32(z)
+                )
                 n = seen * (spe - sp * se / sw)
                 sums[a, 0] += n
                 sums[a, 1] += seen * seen * (spp - sp * sp / sw)
@@ -143,7 +145,7 @@ def complete_lights(
     turn: np.ndarray,
     footprint: float,
     *,
-    samples: int = 3_000_000,
+    samples: int = 1_500_000,
     curvature: float = 0.8,
     **options,
 ) -> tuple[list[Light], dict | None, list[str]]:
@@ -165,7 +167,7 @@ def complete_lights(
 
     def fitted(guess: list[Light]) -> JointFit:
         return fit(
-            observations, material, guess, turn, footprint, samples=samples // 5,
+            observations, material, guess, turn, footprint, samples=samples // 3,
             curvature=curvature, **options,
         )  # fmt: skip
 
@@ -208,7 +210,7 @@ def _others(
     rho, alpha = np.nan_to_num(rho), np.nan_to_num(alpha, nan=1.0)
     limits = flat_limits(np.maximum(alpha, FIRST_ALPHA), curvature, footprint)
     counts = observations.store.counts()
-    chosen, _ = choose_texels(material, counts, turn, limits, samples // 15, offset=1)
+    chosen, _ = choose_texels(material, counts, turn, limits, samples // 8, offset=1)
     taken = collect(observations, chosen, material[chosen])
     state = FitState(observations, taken, len(rho), pool)
     state.light(found.lights)

@@ -24,7 +24,7 @@ from .lights import Light
 from .microfacet import BECKMANN, GGX, NAMES, PHONG, Gloss, Microfacets
 from .model_fit import SHAPES, compare, first_half, fit_kind, noise_of, refit, unexplained
 
-TRIAL, FINAL = 32, 8
+TRIAL, FINAL = 16, 4
 """One sample in so many of the joint fit's decides, and one in so many is fitted in the end."""
 WORTHWHILE = 1.0
 """dB by which microfacets must predict unseen samples better than Phong's lobe."""
@@ -57,7 +57,7 @@ def choose_models(
     turn: np.ndarray,
     footprint: float,
     *,
-    samples: int = 3_000_000,
+    samples: int = 1_500_000,
     curvature: float = 0.8,
     censoring: bool = True,
     ids: np.ndarray | None = None,

@@ -11,27 +11,18 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numba import njit
 
-from ..samples.observations import (
-    Observations,
-    longest,
-    sample_luminance,
-    sample_quality,
-)
-from .fit_samples import is_clipped
+from ..samples.observations import Observations
 from .lights import Light
-from .phong import cast_shadows, lamps, light_texel
-from .pixel_blur import along_and_across, blurred_lobe, pixel_blur
+from .normal_steps import ALL, FIRST, refine
+from .phong import cast_shadows, lamps
 
 SIGMAS = np.radians([0.25, 0.5, 1.0, 2.0, 4.0])
 """Priors tried: standard deviation of a normal's error per angle, radians."""
 WORTHWHILE = 0.05
 """Share of the residual's variance on unseen samples that corrections must take away."""
-STEPS = 4
 LEAST = 16
 """Samples of a texel, below which its normal is kept."""
-ALL, FIRST, SECOND = 0, 1, 2
 
 
 @dataclass(frozen=True)
@@ -47,170 +38,6 @@ class NormalRefinement:
     sigma: float
     gain: float
     turned: float
-
-
-@njit(cache=True, nogil=True)
-def _predict(
-    block, view, pixel, shape, t, first, n, rays, gains, rho, alpha, e, slope, s, normal
-):  # fmt: skip
-    """Per sample: lobe, residual y − S, and dS/d(normal) as a 3-vector."""
-    bx, by, bz, s2, away = 0.0, 0.0, 0.0, 0.0, np.empty(3)
-    for j in range(n):
-        f = block.frame[first + j]
-        vx = view.eyes[f, 0] - view.position[t, 0]
-        vy = view.eyes[f, 1] - view.position[t, 1]
-        vz = view.eyes[f, 2] - view.position[t, 2]
-        scale = 1.0 / np.sqrt(vx * vx + vy * vy + vz * vz)
-        vx, vy, vz = vx * scale, vy * scale, vz * scale
-        nv = normal[0] * vx + normal[1] * vy + normal[2] * vz
-        x = 2.0 * nv * normal[0] - vx
-        y = 2.0 * nv * normal[1] - vy
-        z = 2.0 * nv * normal[2] - vz
-        total, dx, dy, dz = 0.0, 0.0, 0.0, 0.0
-        if len(shape) > 0:
-            bx, by, bz, s2 = pixel_blur(view, pixel, shape[t], t, f)
-        s1 = bx * bx + by * by + bz * bz
-        for k in range(len(gains)):
-            if gains[k] <= 0:
-                continue
-            cos = rays[k, 0] * x + rays[k, 1] * y + rays[k, 2] * z
-            if cos <= 0.01:
-                continue
-            # The axes are those of the first normal: what counts is where l stands from r
-            away[0], away[1], away[2] = rays[k, 0] - x, rays[k, 1] - y, rays[k, 2] - z
-            u1, u2 = along_and_across(cos, bx, by, bz, away, s1)
-            kept = blurred_lobe(alpha, u1, u2, s1, s2)
-            if kept == 0.0:
-                continue
-            lobe = rho * gains[k] * kept
-            total += lobe
-            # Blur makes the slope less, along each axis by its own share: w takes the place of l
-            h1, h2 = 1.0 / (1.0 + alpha * s1), 1.0 / (1.0 + alpha * s2)
-            part = (h1 - h2) * (away[0] * bx + away[1] * by + away[2] * bz)
-            part = part / s1 if s1 > 0.0 else 0.0
-            wx = h2 * rays[k, 0] + part * bx
-            wy = h2 * rays[k, 1] + part * by
-            wz = h2 * rays[k, 2] + part * bz
-            # dr = 2 (δ·v) n + 2 (n·v) δ, so d(w·r) = 2 δ·((w·n) v + (n·v) w)
-            wn = wx * normal[0] + wy * normal[1] + wz * normal[2]
-            a = 2.0 * lobe * alpha / cos
-            dx += a * (wn * vx + nv * wx)
-            dy += a * (wn * vy + nv * wy)
-            dz += a * (wn * vz + nv * wz)
-        s[j], slope[j, 0], slope[j, 1], slope[j, 2] = total, dx, dy, dz
-        e[j] = sample_luminance(block, view, first + j) - total
-
-
-@njit(cache=True, nogil=True)
-def _weigh(block, view, first, n, half, e, s, h0, w):
-    """q · huber of the residuals about their median; the other half of the film gets 0."""
-    center = np.median(e[:n])
-    for j in range(n):
-        w[j] = 0.0
-        if half != ALL and (2 * j < n) != (half == FIRST):
-            continue
-        d = e[j] - center
-        if is_clipped(block, view, first + j) and d <= 0:
-            continue
-        w[j] = sample_quality(block, first + j) * min(1.0, (h0 + 0.2 * s[j]) / max(abs(d), 1e-9))
-
-
-@njit(cache=True, nogil=True)
-def _variance(e, w, n):
-    """Weighted sum of squares of e about its weighted mean."""
-    sw, se, see = 0.0, 0.0, 0.0
-    for j in range(n):
-        sw, se, see = sw + w[j], se + w[j] * e[j], see + w[j] * e[j] * e[j]
-    return see - se * se / sw if sw > 0 else 0.0
-
-
-@njit(cache=True, nogil=True)
-def _refine(
-    block, texel, view, pixel, shape, material, rho, alpha, noise, bulbs, sigma, half, normals,
-    sums,
-):  # fmt: skip
-    """Correct the normals of the block's texels; sums: residual on the other half before and
-    after, and how many texels show a highlight."""
-    count = len(bulbs.gain)
-    rays, gains = np.empty((count, 3), np.float32), np.empty(count, np.float32)
-    coefficients = np.empty(36, np.float32)
-    most = longest(block.offsets, 0, block.stop - block.first)
-    e, s, w, test = np.empty(most), np.empty(most), np.empty(most), np.empty(most)
-    slope, mean = np.empty((most, 3)), np.empty(2)
-    normal, start = np.empty(3), np.empty(3)
-    u, v = np.empty(3), np.empty(3)
-    for i in range(block.stop - block.first):
-        t, first = texel[i], block.offsets[i]
-        n = block.offsets[i + 1] - first
-        m = material[t]
-        light_texel(view, t, bulbs, coefficients, rays, gains)
-        for axis in range(3):
-            start[axis] = normal[axis] = view.normal[t, axis]
-        _predict(
-            block, view, pixel, shape, t, first, n, rays, gains, rho[m], alpha[m], e, slope, s,
-            normal,
-        )  # fmt: skip
-        if s[:n].max() < 3.0 * noise[m]:
-            continue
-        h0 = 1.68 / 1.48 * noise[m]
-        if half != ALL:
-            _weigh(block, view, first, n, SECOND, e, s, h0, test)
-            before = _variance(e, test, n)
-        for _ in range(STEPS):
-            # Span the tangent plane, and solve for two angles with each texel's D eliminated
-            if abs(normal[2]) < 0.9:
-                u[0], u[1], u[2] = -normal[1], normal[0], 0.0
-            else:
-                u[0], u[1], u[2] = 0.0, -normal[2], normal[1]
-            u /= np.sqrt((u * u).sum())
-            v[0] = normal[1] * u[2] - normal[2] * u[1]
-            v[1] = normal[2] * u[0] - normal[0] * u[2]
-            v[2] = normal[0] * u[1] - normal[1] * u[0]
-            _weigh(block, view, first, n, half, e, s, h0, w)
-            sw, se, a, b, c, g0, g1 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-            mean[:] = 0.0
-            for j in range(n):
-                p = slope[j, 0] * u[0] + slope[j, 1] * u[1] + slope[j, 2] * u[2]
-                q = slope[j, 0] * v[0] + slope[j, 1] * v[1] + slope[j, 2] * v[2]
-                sw, se = sw + w[j], se + w[j] * e[j]
-                mean[0] += w[j] * p
-                mean[1] += w[j] * q
-                a, b, c = a + w[j] * p * p, b + w[j] * p * q, c + w[j] * q * q
-                g0, g1 = g0 + w[j] * p * e[j], g1 + w[j] * q * e[j]
-            if not sw > 0:
-                break
-            prior = (noise[m] / sigma) ** 2
-            away_u = ((normal - start) * u).sum()
-            away_v = ((normal - start) * v).sum()
-            a += prior - mean[0] * mean[0] / sw
-            b -= mean[0] * mean[1] / sw
-            c += prior - mean[1] * mean[1] / sw
-            g0 -= mean[0] * se / sw + prior * away_u
-            g1 -= mean[1] * se / sw + prior * away_v
-            det = a * c - b * b
-            if not det > 0:
-                break
-            du, dv = (c * g0 - b * g1) / det, (a * g1 - b * g0) / det
-            length = np.sqrt(du * du + dv * dv)
-            if length > sigma:
-                du, dv = du * sigma / length, dv * sigma / length
-            normal += du * u + dv * v
-            normal /= np.sqrt((normal * normal).sum())
-            away = normal - start
-            length = np.sqrt((away * away).sum())
-            if length > 2.0 * sigma:
-                normal = start + away * (2.0 * sigma / length)
-                normal /= np.sqrt((normal * normal).sum())
-            _predict(
-                block, view, pixel, shape, t, first, n, rays, gains, rho[m], alpha[m], e, slope, s,
-                normal,
-            )  # fmt: skip
-        if half != ALL:
-            sums[0] += before
-            sums[1] += _variance(e, test, n)
-        sums[2] += 1
-        for axis in range(3):
-            normals[t, axis] = normal[axis]
 
 
 def refine_normals(
@@ -253,7 +80,7 @@ def refine_normals(
 
         def work(block, own):
             sums = np.zeros(3)
-            _refine(
+            refine(
                 block, texels[own], view, observations.pixel, shape, material, rho, shininess,
                 np.asarray(noise, np.float64), bulbs, sigma, half, normals, sums,
             )  # fmt: skip

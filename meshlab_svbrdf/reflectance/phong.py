@@ -112,7 +112,7 @@ def light_texel(view, t, lamps, coefficients, rays, gains):
         if lamps.lit.shape[0] > 0:
             seen = np.float32(lamps.lit[t, lamps.light[k]])
         else:
-            seen = visibility(has, coefficients, x, y, z)
+            seen = visibility(has, coefficients, np.float32(x), np.float32(y), np.float32(z))
         gains[k] = lamps.gain[k] / length2 * seen if above > 0 else 0.0
 
 

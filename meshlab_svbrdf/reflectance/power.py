@@ -7,6 +7,8 @@ from numba import njit
 
 FAST = {"nsz", "arcp", "contract", "reassoc"}
 """Sums may be taken in lanes; what is not a number stays so."""
+LANES = FAST | {"nnan"}
+"""Extremes too, of what is a number."""
 _ROOT_HALF = np.int32(0x3F3504F3)
 _LN = np.array(
     [7.0376836292e-2, -1.1514610310e-1, 1.1676998740e-1, -1.2420140846e-1, 1.4249322787e-1,

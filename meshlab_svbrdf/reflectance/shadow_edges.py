@@ -16,6 +16,8 @@ from .phong import cast_shadows
 
 MARGIN = np.radians(3)
 """Beyond a lamp's bar and breadth: how large a compact lamp may be, and what the scan may err."""
+STILL = 0.1 * MARGIN
+"""By which a light moves before its edges are looked for anew."""
 LEAST = 0.1
 """Of a material's texels that stay; where shadows have edges everywhere, none is left out."""
 
@@ -33,6 +35,15 @@ def shadow_edges(
         assert seen is not None
         edge |= (seen[texels] != lit[texels]).any(axis=1)
     return edge
+
+
+def alike(lights: list[Light], others: list[Light]) -> bool:
+    """Whether the edges of both lights' shadows are the same, but for a tenth of the margin."""
+    return len(lights) == len(others) and all(
+        np.linalg.norm([*(a.direction - b.direction), a.curvature - b.curvature]) < STILL
+        and np.linalg.norm([*(a.bar - b.bar), a.breadth - b.breadth]) < STILL
+        for a, b in zip(lights, others, strict=True)
+    )
 
 
 def kept(edge: np.ndarray, material: np.ndarray) -> np.ndarray:

@@ -9,6 +9,7 @@ from numba import njit
 
 from ..samples.observations import Observations, color, sample_luminance, sample_quality
 from .directions import octahedral_cell
+from .ranks import quantile
 
 RINGS = 4
 """Of candidate normals about the texel's own, out to two standard deviations of the prior."""
@@ -102,7 +103,7 @@ def weigh(samples, used, noise, weight):
         first, stop = samples.offsets[t], samples.offsets[t + 1]
         if first == stop:
             continue
-        center = np.median(samples.y[first:stop])
+        center = quantile(samples.y[first:stop], 0.5)
         for j in range(first, stop):
             away = abs(samples.y[j] - center)
             weight[j] = samples.quality[j] * min(1.0, WIDE * noise / max(away, 1e-6))
@@ -176,7 +177,8 @@ def search(samples, weight, own, table, candidates, sigma, noise, normal, streng
                     best[0], best[1], best[2] = p, q, r
                     for k in range(3):
                         normal[t, k] = n[k]
-            center[:] = best
+            for k in range(3):
+                center[k] = best[k]
             step /= 2
 
 
@@ -205,7 +207,8 @@ def level_color(samples, weight, normal, strength, table, out):
     """Σ w I / E^s / Σ w per texel, (n, 3): the colour without the sheen; NaN without weight."""
     for t in range(len(samples.offsets) - 1):
         w = 0.0
-        out[t] = 0.0
+        for channel in range(3):
+            out[t, channel] = 0.0
         for j in range(samples.offsets[t], samples.offsets[t + 1]):
             e = mirrored(normal[t], samples.ray[j], table)
             k = weight[j] * np.exp(-strength[t] * e)

@@ -222,6 +222,7 @@ class SampleStore:
         self.names = list(names)
         self.seen = np.array(seen, np.int64)
         self.quality = np.array(quality, np.float64)
+        self._counts: np.ndarray | None = None
 
     @classmethod
     def open(cls, folder: Path) -> SampleStore:
@@ -240,6 +241,7 @@ class SampleStore:
         self, chunk: Chunk, names: Sequence[str], seen: np.ndarray, quality: np.ndarray
     ) -> None:
         self.chunks.append(chunk)
+        self._counts = None
         self.names += names
         self.seen = np.concatenate([self.seen, seen])
         self.quality = np.concatenate([self.quality, quality])
@@ -266,11 +268,14 @@ class SampleStore:
         return int(self.seen.sum())
 
     def counts(self) -> np.ndarray:
-        """Samples per texel, (T,) int64."""
-        total = np.zeros(self.texels, np.int64)
-        for chunk in self.chunks:
-            total += np.diff(chunk.read("offsets", 0, self.texels + 1).astype(np.int64))
-        return total
+        """Samples per texel, (T,) int64, not to be written to."""
+        if self._counts is None:
+            total = np.zeros(self.texels, np.int64)
+            for chunk in self.chunks:
+                total += np.diff(chunk.read("offsets", 0, self.texels + 1).astype(np.int64))
+            total.flags.writeable = False
+            self._counts = total
+        return self._counts
 
     def read(self, first: int, stop: int) -> Block:
         """The samples of the texels first..stop."""

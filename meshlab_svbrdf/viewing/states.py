@@ -28,7 +28,7 @@ class State:
 
 
 def pack(labels: np.ndarray) -> bytes:
-    """Labels (T,) int32 in tens of kilobytes: neighbours in memory are such on the surface."""
+    """Labels (T,) int32 in tens of kilobytes: neighbours in memory are so on the surface."""
     return zlib.compress(np.ascontiguousarray(labels, np.int32).tobytes(), 1)
 
 

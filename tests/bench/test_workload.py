@@ -19,7 +19,7 @@ from meshlab_svbrdf.errors import SvbrdfError
 from meshlab_svbrdf.geometry.raster import rasterise
 from meshlab_svbrdf.geometry.texels import rasterise_texels
 from meshlab_svbrdf.geometry.uv_checks import check_uv
-from meshlab_svbrdf.rendering.acquisition import _barycentric
+from meshlab_svbrdf.rendering.surface import _barycentric
 from meshlab_svbrdf.samples.luminance import encode
 
 TINY = Options(triangles=500, width=160, height=90, step=45.0, truth=64)

@@ -23,7 +23,8 @@ from meshlab_svbrdf.errors import SvbrdfError
 from meshlab_svbrdf.geometry.camera import Camera
 from meshlab_svbrdf.geometry.mesh import Mesh
 from meshlab_svbrdf.geometry.texels import rasterise_texels
-from meshlab_svbrdf.rendering.acquisition import AcquisitionRenderer, Appearance
+from meshlab_svbrdf.rendering.acquisition import AcquisitionRenderer
+from meshlab_svbrdf.rendering.surface import Appearance
 from meshlab_svbrdf.samples.luminance import decode, to_srgb8
 
 SIZE, CENTER = 64, np.array([3.0, -2.0, 5.0])

@@ -41,8 +41,12 @@ def shade(observations, lights, radiance, material, depth=0.1):
     return 100 * albedo_of(observations, depth) * (lit[:, None] + radiance) + sheen, sheen
 
 
+def openness_of(o):
+    return openness(o.texels, o.view.faces, o.view.coefficients, o.view.normal)
+
+
 def find(observations, diffuse, material, lights=LAMPS):
-    open_ = openness(observations, observations.view.normal)
+    open_ = openness_of(observations)
     return ambient_light(
         observations, diffuse, material, RHO, ALPHA, np.ones((2, 3)), lights, open_
     )
@@ -70,7 +74,7 @@ def test_exposure_does_not_matter(scene):
     observations, material = scene
     diffuse, _ = shade(observations, LAMPS, np.full(3, 0.1), material)
     once = find(observations, diffuse, material).radiance
-    open_ = openness(observations, observations.view.normal)
+    open_ = openness_of(observations)
     twice = ambient_light(
         observations, 2 * diffuse, material, 2 * RHO, ALPHA, np.ones((2, 3)), LAMPS, open_
     )
@@ -128,9 +132,9 @@ def test_openness_is_the_cosine_weighted_visibility():
     project = basis(around) * weights
     coefficients = np.stack([project.T @ floor, project.T @ wall, project.T @ floor])
     texels = free_texels([[0, 0, 0]] * 2, [[0, 0, 1]] * 2)
+    texels.barycentric[1] = [0, 1, 0]
     o = _with_coefficients(texels, coefficients)
-    o.view.barycentric[1] = [0, 1, 0]
-    np.testing.assert_allclose(openness(o, texels.normal), [1, 0.5], atol=0.03)
+    np.testing.assert_allclose(openness_of(o), [1, 0.5], atol=0.03)
 
 
 def _with_coefficients(texels, coefficients) -> Observations:
@@ -154,7 +158,6 @@ def test_finished_and_highlight_together_are_what_was_seen(scene):
     diffuse, sheen = shade(observations, LAMPS, np.full(3, 0.1), material, depth=0.02)
     done = finish_diffuse(
         observations, diffuse.astype(np.float32), material, RHO, ALPHA, np.ones((2, 3)), LAMPS,
-        sharp=False,
     )  # fmt: skip
     np.testing.assert_allclose(done.diffuse + done.highlight, diffuse, rtol=1e-5)
     np.testing.assert_allclose(done.highlight, sheen, rtol=0.05)
@@ -165,9 +168,7 @@ def test_nothing_observed_leaves_diffuse_alone(scene):
     observations, material = scene
     diffuse = np.full((len(material), 3), 30, np.float32)
     none = np.full(2, np.nan)
-    done = finish_diffuse(
-        observations, diffuse, material, none, none, np.ones((2, 3)), [], sharp=False
-    )
+    done = finish_diffuse(observations, diffuse, material, none, none, np.ones((2, 3)), [])
     np.testing.assert_array_equal(done.diffuse, diffuse)
     assert not done.highlight.any()
     assert done.notes == []

@@ -7,7 +7,8 @@ import pytest
 from analytic import bumpy_ball, film, lamp, orbit
 
 from meshlab_svbrdf.geometry.surface_shape import surface_shape
-from meshlab_svbrdf.reflectance.normal_refinement import _predict, refine_normals
+from meshlab_svbrdf.reflectance.normal_refinement import refine_normals
+from meshlab_svbrdf.reflectance.normal_steps import predict
 from meshlab_svbrdf.reflectance.phong import lamps, light_texels
 from meshlab_svbrdf.samples.observations import with_normals
 
@@ -74,7 +75,7 @@ def test_slopes_are_what_a_turn_of_the_normal_does(scene, swell):
 
         def lobes(turned, t=t, first=first, n=n):
             e, slope, s = np.empty(n), np.empty((n, 3)), np.empty(n)
-            _predict(block, o.view, o.pixel, shape, t, first, n, rays[t], gains[t], 40.0, 60.0, e,
+            predict(block, o.view, o.pixel, shape, t, first, n, rays[t], gains[t], 40.0, 60.0, e,
                      slope, s, turned)  # fmt: skip
             return slope, s
 

@@ -33,14 +33,14 @@ def in_space(covariance, normal) -> np.ndarray:
 
 
 def test_a_pixel_straight_above_is_a_square(tmp_path):
-    covariance, _ = footprints(seen_from(tmp_path, [[0, 0, 3]]))
+    covariance = footprints(seen_from(tmp_path, [[0, 0, 3]])).covariance
     np.testing.assert_allclose(covariance[0], (3 / FOCAL) ** 2 * np.array([1, 0, 1]), rtol=1e-5)
 
 
 def test_a_tilted_pixel_is_as_long_as_its_cosine_says(tmp_path):
     """60°: twice as long towards the camera's side, as wide as ever across."""
     eye = 2 * np.array([np.sin(np.pi / 3), 0, 0.5])
-    covariance, _ = footprints(seen_from(tmp_path, [eye]))
+    covariance = footprints(seen_from(tmp_path, [eye])).covariance
     found = in_space(covariance[0], [0, 0, 1])
     np.testing.assert_allclose(found, (2 / FOCAL) ** 2 * np.diag([4, 1, 0]), atol=1e-9)
 
@@ -48,10 +48,10 @@ def test_a_tilted_pixel_is_as_long_as_its_cosine_says(tmp_path):
 def test_footprints_turn_with_the_world(tmp_path):
     turn = rotation(np.random.default_rng(3))
     eyes = np.array([[0.5, 1, 3], [-2, 0.3, 1], [0, -1, 2]])
-    here, _ = footprints(seen_from(tmp_path / "a", eyes))
+    here = footprints(seen_from(tmp_path / "a", eyes)).covariance
     normal = turn @ [0, 0, 1]
     texels = free_texels([[0, 0, 0]], [normal])
-    there, _ = footprints(seen_from(tmp_path / "b", eyes @ turn.T, texels=texels))
+    there = footprints(seen_from(tmp_path / "b", eyes @ turn.T, texels=texels)).covariance
     expected = turn @ in_space(here[0], [0, 0, 1]) @ turn.T
     np.testing.assert_allclose(in_space(there[0], normal), expected, rtol=1e-4, atol=1e-9)
 
@@ -61,7 +61,7 @@ def test_noise_is_the_standard_error_of_the_mean(tmp_path):
     luminance = 30 + 4 * rng.standard_normal((400, 400))
     codes = np.repeat(to_srgb8(luminance / 100)[..., None], 3, -1)
     texels = free_texels(np.zeros((400, 3)), np.tile([0, 0, 1.0], (400, 1)))
-    _, noise = footprints(seen_from(tmp_path, np.tile([[0, 0, 3.0]], (400, 1)), codes, texels))
+    noise = footprints(seen_from(tmp_path, np.tile([[0, 0, 3.0]], (400, 1)), codes, texels)).noise
     assert np.median(noise) == pytest.approx(4 / np.sqrt(400), rel=0.03)
 
 
@@ -71,7 +71,8 @@ def test_texels_without_samples_have_no_footprint(tmp_path):
     o = observations_of(
         tmp_path, np.full((2, 1, 3), 100), quality, texels, [look_at([0, 0, 3], fx=FOCAL)]
     )
-    covariance, noise = footprints(o)
+    found = footprints(o)
+    covariance, noise = found.covariance, found.noise
     assert covariance[0, 0] > 0
     assert not covariance[1].any()
     assert not noise.any()  # one sample tells no noise

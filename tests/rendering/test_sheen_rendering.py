@@ -4,7 +4,8 @@ import numpy as np
 from analytic import look_at, plane, unit
 
 from meshlab_svbrdf.geometry.harmonics import basis
-from meshlab_svbrdf.rendering.acquisition import AcquisitionRenderer, Appearance
+from meshlab_svbrdf.rendering.acquisition import AcquisitionRenderer
+from meshlab_svbrdf.rendering.surface import Appearance
 
 
 def look(sheen=None, normal=None):

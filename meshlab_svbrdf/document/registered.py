@@ -1,0 +1,188 @@
+"""Rasters that a registration placed: what its JSON says, brought into the project.
+
+    {"format": 1, "clips": [{"source": path | null, "video": bool, "frames": [
+        {"label", "file", "index", "time", "used", "status", "reason", "residual", "inliers",
+         "confidence", "blur", "camera": {...} | null, "lens": {...} | null}]}]}
+
+A clip without a source is made of rasters that the project has: they keep their files.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..geometry.camera import Camera
+from ..geometry.lens import Lens
+from .exposure import read_exposure
+from .footage import Clip
+from .project import Project
+from .project_entries import absolute
+from .video_names import FRAMES, VideoFrame, name_frame, read_videos, write_videos
+
+FORMAT = 1
+UNDISTORTED = "undistorted"  # the folder in NAME.svbrdf
+COLUMNS = (
+    "clip", "label", "index", "time", "status", "used", "residual", "inliers", "confidence",
+    "blur", "reason",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class FrameReport:
+    """What became of one frame.
+
+    label : of the raster; file : the image, None for a frame of a video
+    used : whether it is a raster of the project now
+    camera : of the undistorted frame
+    """
+
+    label: str
+    file: Path | None
+    index: int
+    time: float
+    used: bool
+    status: str
+    reason: str
+    residual: float
+    inliers: int
+    confidence: float
+    blur: float
+    camera: Camera | None
+    lens: Lens | None = None
+
+
+def clip_json(clip: Clip | None, frames: list[FrameReport]) -> dict[str, Any]:
+    """One clip's entry in the JSON; None: of rasters that the project has."""
+    return {
+        "source": None if clip is None else clip.source.as_posix(),
+        "video": clip is not None and clip.is_video,
+        "frames": [
+            asdict(frame) | {"file": None if frame.file is None else frame.file.as_posix()}
+            for frame in frames
+        ],
+    }
+
+
+def report_csv(clips: list[dict[str, Any]]) -> str:
+    """A row per frame, for spreadsheets."""
+    stream = io.StringIO()
+    table = csv.DictWriter(stream, COLUMNS, extrasaction="ignore", lineterminator="\n")
+    table.writeheader()
+    for clip in clips:
+        name = Path(clip["source"]).name if clip["source"] else ""
+        for frame in clip["frames"]:
+            numbers = {
+                key: ""
+                if frame[key] is None or not np.isfinite(frame[key])
+                else f"{frame[key]:.4g}"
+                for key in ("residual", "confidence", "blur")
+            }
+            numbers["time"] = "" if not np.isfinite(frame["time"]) else f"{frame['time']:.4f}"
+            table.writerow({**frame, **numbers, "clip": name, "used": int(frame["used"])})
+    return stream.getvalue()
+
+
+def _digits(value: float, digits: int) -> str:
+    return f"{value:.{digits}g}" if np.isfinite(value) else ""
+
+
+def undistorted_entry(source: Path, file: Path) -> str:
+    """Where in NAME.svbrdf the undistorted image of a folder's `file` lies."""
+    return f"{UNDISTORTED}/{source.name}/{file.stem}.jpg"
+
+
+def missing_sources(told: dict[str, Any]) -> list[str]:
+    """Videos and folders that the rasters are of, and that are not there."""
+    sources = [clip["source"] for clip in told["clips"] if clip["source"]]
+    return [source for source in sources if not Path(source).exists()]
+
+
+def place_rasters(project: Project, folder: Path, told: dict[str, Any]) -> None:
+    """Bring the project's rasters in line with what the registration says.
+
+    Rasters that stood for the same frames before are replaced; of the others none changes.
+
+    folder : of the results, NAME.svbrdf
+    """
+    for clip in told["clips"]:
+        if clip["source"] is None:
+            _move_cameras(project, clip["frames"])
+        elif clip["video"]:
+            _add_video_frames(project, folder, clip)
+        else:
+            _add_images(project, folder, clip)
+
+
+def camera_from(told: dict[str, Any]) -> Camera:
+    """The camera as the JSON has it."""
+    intrinsics = {name: float(told[name]) for name in ("fx", "fy", "cx", "cy")}
+    R, t = np.array(told["R"], np.float64), np.array(told["t"], np.float64)
+    return Camera(int(told["width"]), int(told["height"]), **intrinsics, R=R, t=t)
+
+
+def lens_from(told: dict[str, Any] | None) -> Lens | None:
+    """The lens as the JSON has it."""
+    if told is None:
+        return None
+    k1, k2, p1, p2, k3 = told["coefficients"]
+    return Lens(**{**told, "coefficients": (k1, k2, p1, p2, k3)})
+
+
+def _move_cameras(project: Project, frames: list[dict[str, Any]]) -> None:
+    known = {frame["label"]: frame for frame in frames}
+    kept = []
+    for raster in project.rasters:
+        frame = known.get(raster.label)
+        if frame is not None and not frame["used"]:
+            continue
+        if frame is not None:
+            raster.camera = camera_from(frame["camera"])
+        kept.append(raster)
+    project.rasters[:] = kept
+
+
+def _add_video_frames(project: Project, folder: Path, clip: dict[str, Any]) -> None:
+    video, frames_folder = absolute(clip["source"]), folder / FRAMES
+    known = read_videos(frames_folder)
+    _forget(project, {frames_folder / name for name, f in known.items() if f.video == video})
+    known = {name: frame for name, frame in known.items() if frame.video != video}
+    used = [frame for frame in clip["frames"] if frame["used"]]
+    new: dict[str, VideoFrame] = {}
+    for frame in used:
+        lens = lens_from(frame["lens"])
+        stands_for = VideoFrame(video, frame["index"], frame["time"], lens)
+        new[name_frame(stands_for, known)] = stands_for
+    write_videos(frames_folder, known | new)
+    for name, frame in zip(new, used, strict=True):
+        project.add_raster(name, frames_folder / name, camera_from(frame["camera"]))
+
+
+def _add_images(project: Project, folder: Path, clip: dict[str, Any]) -> None:
+    source = Path(clip["source"])
+    places = {}
+    for frame in clip["frames"]:
+        file = Path(frame["file"])
+        places[frame["label"]] = (
+            file if frame["lens"] is None else folder / undistorted_entry(source, file)
+        )
+    files = {absolute(frame["file"]) for frame in clip["frames"]}
+    _forget(project, files | {absolute(place) for place in places.values()})
+    for frame in clip["frames"]:
+        if not frame["used"]:
+            continue
+        path = places[frame["label"]]
+        exposure = None if frame["lens"] is None else read_exposure(frame["file"])
+        label = frame["label"]
+        if any(raster.label == label for raster in project.rasters):
+            label = f"{source.name}_{label}"
+        project.add_raster(label, path, camera_from(frame["camera"]), exposure=exposure)
+
+
+def _forget(project: Project, paths: set[Path]) -> None:
+    project.rasters[:] = [raster for raster in project.rasters if raster.path not in paths]
