@@ -57,7 +57,8 @@ def finish(tracker: Tracker, progress: Progress) -> Registration:
         tracker.take(
             adjust(
                 tracker.cameras, tracker.keyframes, tracker.matches, tracker.surface,
-                tracker.start, tracker.options.free_focal,
+                tracker.start, tracker.options.start_error / tracker.times,
+                tracker.options.free_focal,
             )
         )  # fmt: skip
     progress(1.0, "registered")
