@@ -23,7 +23,6 @@ from .surface import Surface
 ROUNDS = 15
 WIDEST = 30.0  # standard deviations at which weights fall at first: loops may have come apart
 DAMPING = 1e-9  # of the diagonal: holds cameras that nothing ties
-HOLD = 0.25  # pixels by which known cameras may be wrong
 TIES = 120  # matches of a frame with a keyframe that the cameras are adjusted to
 LIFT = 4  # rounds after which features are lifted to the surface anew
 DONE = 0.02  # standard deviations of motion below which nothing changes any more
@@ -77,6 +76,7 @@ def adjust(
     matches: Mapping[int, Sequence[Matches]],
     surface: Surface,
     held: Mapping[int, Camera],
+    hold: float,
     free_focal: bool = False,
 ) -> Adjusted:
     """Cameras, and keyframes with them, that explain all matches best, outliers aside.
@@ -91,11 +91,12 @@ def adjust(
     held : the known cameras, by frame: they move by pixels only if the matches insist. What is
         printed on a plane may slide along it, and all faces of a box's corner may grow from it;
         then these cameras alone fix the whole
+    hold : pixels, RMS, by which those may be wrong
     """
     cameras, keyframes = dict(cameras), list(keyframes)
     order = {frame: at for at, frame in enumerate(cameras)}
     scale, width = 1.0, WIDEST
-    holds = {frame: _hold(camera, surface) for frame, camera in held.items()}
+    holds = {frame: _hold(camera, surface, hold) for frame, camera in held.items()}
     ties = {frame: [_thinned(each) for each in found] for frame, found in matches.items()}
     for turn in range(ROUNDS):
         system = _System(len(order), free_focal)
@@ -130,11 +131,11 @@ def adjust(
     return _judged(cameras, keyframes, matches, order, scale)
 
 
-def _hold(camera: Camera, surface: Surface) -> np.ndarray:
-    """What moving a known camera costs, (6, 6): 1 where the object moves by HOLD pixels, RMS."""
+def _hold(camera: Camera, surface: Surface, pixels: float) -> np.ndarray:
+    """What moving a known camera costs, (6, 6): 1 where the object moves by so many pixels, RMS."""
     points = surface.visible_points(camera) @ camera.R.T + camera.t
     J = pixel_motion(points, camera) @ point_motion(points)
-    return np.einsum("nij,nik->jk", J, J) / (len(points) * HOLD**2)
+    return np.einsum("nij,nik->jk", J, J) / (len(points) * pixels**2)
 
 
 def _thinned(matches: Matches) -> Matches:

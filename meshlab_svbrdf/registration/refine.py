@@ -18,6 +18,8 @@ from .surface import Surface
 from .track import finish
 from .tracker import Tracker
 
+GIVEN_ERROR = 2.0  # pixels by which each of the cameras from elsewhere is expected to be wrong
+
 __all__ = ["Refined", "refine_camera", "refine_cameras"]
 
 
@@ -76,4 +78,5 @@ def refine_cameras(
         if image is not None:
             tracker.locate(index, image, guess)
         progress(0.8 * (1 - len(left) / total), f"frame {index}")
-    return finish(tracker, progress.part(0.8, 1.0))
+    held = {k: tracker.inner(camera) for k, camera in cameras.items() if k in tracker.cameras}
+    return finish(tracker, held, GIVEN_ERROR, progress.part(0.8, 1.0))

@@ -33,6 +33,8 @@ class Options:
     pixels : frames are tracked at a size that has at most about so many pixels
     features : points that are tracked from one keyframe
     keyframe_angle : degrees of view direction between keyframes
+    start_error : pixels, RMS, by which the known cameras may be wrong; where they come from a few
+        picked points, give what those leave
     adjust : adjust all cameras together at the end
     free_focal : the adjustment finds the focal length too, one for all frames
     bridge : a frame without a camera of its own gets one between its neighbours' (ordered),
@@ -44,6 +46,7 @@ class Options:
     pixels: int = 800_000
     features: int = 300
     keyframe_angle: float = 10.0
+    start_error: float = 0.05
     adjust: bool = True
     free_focal: bool = False
     bridge: int = 15

@@ -16,8 +16,8 @@ from .surface import Surface
 
 SIZES = (60, 120, 240)  # pixels that the object's radius has at each step, from coarse to fine
 REACH = 0.09  # radians, or share of the distance, by which a start may be off
-TRIALS = 300  # cameras that are looked at before the search
-KEPT = (12, 5, 2)  # of them, that each step improves
+TRIALS = 600  # cameras that are looked at before the search
+KEPT = (20, 6, 2)  # of them, that each step improves
 AGREE = 0.015  # of the object's radius in the frame, within which two searches end alike
 NEAREST = 1.5  # pixels; the same, where the object is small
 AHEAD = 0.02  # nats a pixel, by which another place must be worse, and no object at all

@@ -47,17 +47,22 @@ def register_frames(
         register_in_order(tracker, progress.part(0, 0.8))
     else:
         register_by_likeness(tracker, progress.part(0, 0.8))
-    return finish(tracker, progress.part(0.8, 1.0))
+    return finish(tracker, tracker.start, options.start_error, progress.part(0.8, 1.0))
 
 
-def finish(tracker: Tracker, progress: Progress) -> Registration:
-    """All cameras adjusted together, where the options say so, and every frame's result."""
+def finish(
+    tracker: Tracker, held: Mapping[int, Camera], error: float, progress: Progress
+) -> Registration:
+    """All cameras adjusted together, where the options say so, and every frame's result.
+
+    held : cameras that are known but for an error of so many pixels, in the tracker's world
+    """
     if tracker.options.adjust:
         progress(0.0, "adjusting all cameras")
         tracker.take(
             adjust(
                 tracker.cameras, tracker.keyframes, tracker.matches, tracker.surface,
-                tracker.start, tracker.options.free_focal,
+                held, error / tracker.times, tracker.options.free_focal,
             )
         )  # fmt: skip
     progress(1.0, "registered")

@@ -22,8 +22,6 @@ from .results import FrameResult, FrameSource, Options, Registration
 from .surface import Surface
 from .wide import NOTHING, Signature, describe
 
-GIVEN = Located(None, [], 0, 0, 0.0, 0.0, 1.0)  # type: ignore[arg-type]
-
 
 class Tracker:
     """Registers single frames, on demand; see `register_frames` for the parameters."""
@@ -109,7 +107,7 @@ class Tracker:
         if image is None:
             raise ValueError(f"start: frame {index}: {self.reason[index]}")
         camera = self.start[index]
-        self._note(index, image, replace(GIVEN, camera=camera))
+        self._note(index, image, Located(camera, [], 0, 0, 0.0, 0.0, 0.0))
         if all(k.index != index for k in self.keyframes):
             raise ValueError(f"start: frame {index}'s camera sees nothing of the object")
 
@@ -120,7 +118,7 @@ class Tracker:
         self.blur[index] = blur_effect(image[top:bottom, left:right])
         alike = np.exp(-((self.options.keyframe_angle / 20) ** 2))
         sure = located.confidence > 0.5 or not located.total
-        if (located.affinity < alike or not located.total) and sure:
+        if located.affinity < alike and sure:
             keyframe = make_keyframe(
                 index, image, located.camera, self.surface, self.options.features
             )

@@ -19,7 +19,10 @@ def test_every_film_and_set_of_photographs_is_measured(tmp_path):
 
 
 def test_a_film_is_measured_as_images_and_as_video(tmp_path):
-    mesh, cameras = sphere(24), orbit(6, 4.5, turns=1 / 20, climb=2, width=160, fx=180.0)
+    mesh, cameras = (
+        sphere(24),
+        orbit(6, 4.5, turns=1 / 20, climb=2, width=320, height=240, fx=360.0),
+    )
     frames = [draw(mesh, camera, Print(2, finest=25.0)) for camera in cameras]
     rows = []
     for name, given in (

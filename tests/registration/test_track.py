@@ -115,11 +115,11 @@ def test_a_wrong_focal_length_is_found(film):
     options = replace(FAST, free_focal=True)
     found = register_frames(BOX.vertices, BOX.faces, film, {0: wrong}, options)
     assert abs(found.cameras[12].fx / CAMERAS[0].fx - 1) < 0.003
-    assert errors(CAMERAS, found.cameras).max() < 0.5
+    assert errors(CAMERAS, found.cameras).max() < 0.8
 
 
 def test_given_cameras_are_refined(film):
     given = {k: disturbed(c, 0.8, 0.004, k) for k, c in enumerate(CAMERAS)}
     assert errors(CAMERAS, given).max() > 1
     found = refine_cameras(BOX.vertices, BOX.faces, film, given, FAST)
-    assert errors(CAMERAS, found.cameras).max() < 0.5  # the first is wrong by as much
+    assert errors(CAMERAS, found.cameras).max() < 0.5
