@@ -9,7 +9,7 @@ from numba import njit
 
 WINDOW = 31  # pixels
 GAIN = 40.0  # codes per local standard deviation
-NOISE = 12.0  # codes of contrast that are not made more of
+NOISE = 6.0  # codes of contrast that are not made more of
 
 
 def to_grey(image: np.ndarray) -> np.ndarray:
