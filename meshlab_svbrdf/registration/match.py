@@ -21,7 +21,7 @@ SIZE = (WINDOW, WINDOW)
 LEVELS = 2
 RETURN = 0.7  # pixels by which the way there and back may miss
 OCCLUSION = 0.02  # radii
-CODE_NOISE = 12.0  # codes of normalised contrast by which two views differ anyway
+CODE_NOISE = 25.0  # codes of normalised contrast by which two views differ anyway
 PIXEL_NOISE = 0.15  # pixels that no contrast takes away
 
 
