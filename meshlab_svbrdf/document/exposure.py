@@ -34,15 +34,16 @@ def read_exposure(path: str | Path) -> float | None:
                 tags = image.getexif().get_ifd(ExifTags.IFD.Exif)
     except OSError as error:
         raise DocumentError(f"{path}: cannot be read as an image ({error})") from error
-    time = _positive(tags.get(ExifTags.Base.ExposureTime))
-    f_number = _positive(tags.get(ExifTags.Base.FNumber))
-    iso = _positive(tags.get(ExifTags.Base.ISOSpeedRatings))
+    time = positive(tags.get(ExifTags.Base.ExposureTime))
+    f_number = positive(tags.get(ExifTags.Base.FNumber))
+    iso = positive(tags.get(ExifTags.Base.ISOSpeedRatings))
     if time is None or f_number is None or iso is None:
         return None
     return time * iso / f_number**2
 
 
-def _positive(value: Any) -> float | None:
+def positive(value: Any) -> float | None:
+    """A tag's number, its first one where it has several; None where it is no number above 0."""
     if isinstance(value, tuple) and value:
         value = value[0]
     try:

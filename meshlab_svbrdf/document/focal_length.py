@@ -10,6 +10,7 @@ from typing import Any
 from PIL import ExifTags, Image
 
 from ..errors import DocumentError
+from .exposure import positive
 
 FILM_DIAGONAL = math.hypot(36.0, 24.0)  # mm; "35 mm equivalent" is by the diagonal
 MILLIMETRES = {2: 25.4, 3: 10.0, 4: 1.0, 5: 0.001}  # FocalPlaneResolutionUnit
@@ -33,13 +34,13 @@ def read_focal_length(path: str | Path) -> float | None:
                 size = image.size
     except OSError as error:
         raise DocumentError(f"{path}: cannot be read as an image ({error})") from error
-    equivalent = _positive(tags.get(ExifTags.Base.FocalLengthIn35mmFilm))
+    equivalent = positive(tags.get(ExifTags.Base.FocalLengthIn35mmFilm))
     if equivalent is not None:
         return in_pixels(equivalent, size, FILM_DIAGONAL)
-    focal = _positive(tags.get(ExifTags.Base.FocalLength))
-    density = _positive(tags.get(ExifTags.Base.FocalPlaneXResolution))
+    focal = positive(tags.get(ExifTags.Base.FocalLength))
+    density = positive(tags.get(ExifTags.Base.FocalPlaneXResolution))
     unit = MILLIMETRES.get(tags.get(ExifTags.Base.FocalPlaneResolutionUnit, 2))
-    recorded = _positive(tags.get(ExifTags.Base.ExifImageWidth))
+    recorded = positive(tags.get(ExifTags.Base.ExifImageWidth))
     if focal is None or density is None or unit is None or recorded is None:
         return None
     return focal * density / unit * (max(size) / max(recorded, _tall(tags)))
@@ -51,14 +52,4 @@ def in_pixels(focal: float, size: tuple[int, int], diagonal: float) -> float:
 
 
 def _tall(tags: Any) -> float:
-    return _positive(tags.get(ExifTags.Base.ExifImageHeight)) or 0.0
-
-
-def _positive(value: Any) -> float | None:
-    if isinstance(value, tuple) and value:
-        value = value[0]
-    try:
-        number = float(value)
-    except (TypeError, ValueError, ZeroDivisionError):
-        return None
-    return number if number > 0 and math.isfinite(number) else None
+    return positive(tags.get(ExifTags.Base.ExifImageHeight)) or 0.0
