@@ -176,6 +176,7 @@ def decode_numbers(
     (count,) float64, or int64 if `integer`; all finite
     """
     expected = " or ".join(map(str, counts))
+    shown = repr(text if len(text) <= 200 else f"{text[:200]}…")
     try:
         if binary:
             raw = base64.b64decode("".join(text.split()), validate=True)
@@ -184,14 +185,15 @@ def decode_numbers(
             values = np.frombuffer(raw, sizes.get(len(raw), "V1"))
         else:
             kind = int if integer else float
-            values = np.array([kind(word) for word in text.split()])
+            words = [kind(word) for word in text.split()]
+            values = np.array(words, np.int64 if integer else np.float64)
     except (ValueError, binascii.Error, OverflowError) as error:
-        raise DocumentError(f"{where}: expected {expected} numbers, found {text!r}") from error
+        raise DocumentError(f"{where}: expected {expected} numbers, found {shown}") from error
     if len(values) not in counts:
-        raise DocumentError(f"{where}: expected {expected} numbers, found {text!r}")
+        raise DocumentError(f"{where}: expected {expected} numbers, found {shown}")
     values = values.astype(np.int64 if integer else np.float64)
     if not np.isfinite(values).all():
-        raise DocumentError(f"{where}: expected finite numbers, found {text!r}")
+        raise DocumentError(f"{where}: expected finite numbers, found {shown}")
     return values
 
 
