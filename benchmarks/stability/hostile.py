@@ -152,8 +152,10 @@ def main() -> None:
 
     with tempfile.TemporaryDirectory() as scratch:
         for row in try_formats(Path(scratch) / "files", count, only=only):
-            print(f"{row['format']:22} {row['tried']:6} read {row['read']:5} "
-                  f"refused {row['refused']:5} broke {row['broke']:5}")
+            print(
+                f"{row['format']:22} {row['tried']:6} read {row['read']:5} "
+                f"refused {row['refused']:5} broke {row['broke']:5}"
+            )
             for said, where in row["how"].items():
                 print(f"    {said}   ({where})")
 

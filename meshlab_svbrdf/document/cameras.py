@@ -30,6 +30,7 @@ COUNTS = {
     "RotationMatrix": (16,),
     "TranslationVector": (3, 4),  # raw 3, as text with a 1 behind
 }
+MOST_PIXELS = 1 << 30  # that OpenCV decodes
 ROTATION_TOLERANCE = 1e-4  # six written digits leave 1e-6; 1e-4 moves no sample by a pixel
 
 
@@ -81,6 +82,11 @@ def read_camera(element: Element, where: str) -> Camera:
         raise DocumentError(
             f"{where}: the camera is not calibrated (ViewportPx {width} {height}, FocalMm {focal}, "
             f"PixelSizeMm {sx} {sy}, all expected > 0); register the frame or remove the raster"
+        )
+    if width * height > MOST_PIXELS:
+        raise DocumentError(
+            f"{where}: ViewportPx is {width} {height}, more pixels than any image has that can be "
+            "read (2³⁰); write the frame's size"
         )
     center_x, center_y = numbers("CenterPx")
 

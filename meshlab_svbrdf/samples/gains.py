@@ -35,6 +35,23 @@ def _ratios(block, view, stride, logs, texel_of, frame_of, filled):
     return n
 
 
+def some_logs(
+    observations: Observations, samples: int | None = None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """ln colours (N, 3) float32, texels and frames (N,) of about so many samples, evenly spaced
+    texels'; None: 250 000, more for many frames. Clipped and dark ones are left out."""
+    store = observations.store
+    samples = samples or max(250_000, 10 * LEAST_SHARED * store.frames)
+    stride = max(1, len(store) // samples)
+    most = int(store.counts()[::stride].sum())
+    logs = np.empty((most, 3), np.float32)
+    texel, frame = np.empty(most, np.int64), np.empty(most, np.int64)
+    filled = 0
+    for block in store.blocks():
+        filled = _ratios(block, observations.view, stride, logs, texel, frame, filled)
+    return logs[:filled], texel[:filled], frame[:filled]
+
+
 def frame_gains(
     observations: Observations, samples: int | None = None, rounds: int = 15
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -56,18 +73,11 @@ def frame_gains(
     residual : (F,) float64, median |ln| of what is left in green
     """
     store = observations.store
-    samples = samples or max(250_000, 10 * LEAST_SHARED * store.frames)
-    stride = max(1, len(store) // samples)
-    most = int(store.counts()[::stride].sum())
-    logs = np.empty((most, 3), np.float32)
-    texel, frame = np.empty(most, np.int64), np.empty(most, np.int64)
-    filled = 0
-    for block in store.blocks():
-        filled = _ratios(block, observations.view, stride, logs, texel, frame, filled)
+    logs, texel, frame = some_logs(observations, samples)
     # Keep the samples of texels that several frames see, and the frames that have enough of them
-    shared = np.bincount(texel[:filled])[texel[:filled]] > 1
-    enough = np.bincount(frame[:filled][shared], minlength=store.frames) >= LEAST_SHARED
-    kept = np.flatnonzero(shared & enough[frame[:filled]])
+    shared = np.bincount(texel)[texel] > 1
+    enough = np.bincount(frame[shared], minlength=store.frames) >= LEAST_SHARED
+    kept = np.flatnonzero(shared & enough[frame])
     texel, frame, logs = texel[kept], frame[kept], logs[kept]
     gains, residual = np.full((store.frames, 3), np.nan), np.full(store.frames, np.nan)
     if len(kept) == 0:
@@ -76,14 +86,14 @@ def frame_gains(
         value, gain = logs[:, channel].astype(np.float64), np.zeros(store.frames)
         for _ in range(2):
             left = value - gain[frame]
-            left -= _group_median(left, texel)[texel]
-            gain += np.nan_to_num(_group_median(left, frame, store.frames))
+            left -= group_median(left, texel)[texel]
+            gain += np.nan_to_num(group_median(left, frame, store.frames))
         gain, left = _reweighted(value, gain, texel, frame, rounds)
         seen = np.bincount(frame, minlength=store.frames) > 0
         gain -= np.median(gain[seen])
         gains[:, channel] = np.where(seen, np.exp(gain), np.nan)
         if channel == 1:
-            residual = _group_median(np.abs(left), frame, store.frames)
+            residual = group_median(np.abs(left), frame, store.frames)
     return gains, residual
 
 
@@ -93,7 +103,7 @@ def _reweighted(
     """ln gains (F,) and residuals of value = texel + gain, by weights 1/(1 + (e/h)²)²."""
     texel, count = np.unique(texel, return_inverse=True)[1], len(gain)
     left = value - gain[frame]
-    left -= _group_median(left, texel)[texel]
+    left -= group_median(left, texel)[texel]
     for _ in range(rounds):
         scale = max(SCALE * 1.4826 * float(np.median(np.abs(left))), 1e-4)
         weight = 1 / (1 + (left / scale) ** 2) ** 2
@@ -132,7 +142,7 @@ def gain_spread(gains: np.ndarray) -> float:
     return float(1.4826 * np.median(np.abs(logs - np.median(logs, axis=0)), axis=0).max())
 
 
-def _group_median(values: np.ndarray, group: np.ndarray, count: int | None = None) -> np.ndarray:
+def group_median(values: np.ndarray, group: np.ndarray, count: int | None = None) -> np.ndarray:
     """Median of the values of each group 0..count-1; NaN for an empty one."""
     count = int(group.max(initial=-1)) + 1 if count is None else count
     order = np.lexsort((values, group))
