@@ -28,7 +28,7 @@ from ..geometry.texels import Texels
 from .images import read_exr, read_image, write_exr, write_jpeg, write_png
 from .layers import MAP, Layer, attribute_name, file_name, write_layer
 from .record import ResultFolder, write_json
-from .stored import read_array, read_json
+from .stored import read_array, read_json, write_array
 from .video_names import FRAMES
 
 ImageKind = Literal["exr", "png"]
@@ -82,7 +82,7 @@ class Products:
         count = len(self.array("texels_face", mmap=True))
         if values.ndim not in (1, 2) or len(values) != count:
             raise ValueError(f"attribute {name} has shape {values.shape}, expected ({count}, …)")
-        np.save(self._stage(f"texels/{attribute_name(name)}.npy"), values, allow_pickle=False)
+        write_array(self._stage(f"texels/{attribute_name(name)}.npy"), values)
 
     # Arrays
 
@@ -91,7 +91,7 @@ class Products:
         return read_array(self._find(f"arrays/{name}.npy", f"array {name}"), mmap=mmap)
 
     def set_array(self, name: str, values: np.ndarray) -> None:
-        np.save(self._stage(f"arrays/{name}.npy"), np.asarray(values), allow_pickle=False)
+        write_array(self._stage(f"arrays/{name}.npy"), np.asarray(values))
 
     def has_array(self, name: str) -> bool:
         return self._look(f"arrays/{name}.npy") is not None

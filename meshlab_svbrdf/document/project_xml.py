@@ -58,6 +58,8 @@ def parse_plain(path: Path) -> ET.Element:
 
 def _parse(path: Path, builder: ET.TreeBuilder) -> tuple[ET.Element, list[str]]:
     """The root element, and the comments around it."""
+    if path.exists() and not path.is_file():
+        raise DocumentError(f"{path}: is no file")
     try:
         data = path.read_bytes()
     except OSError as error:

@@ -25,6 +25,7 @@ from typing import Any
 from filelock import FileLock, Timeout
 
 from ..errors import DocumentError, SvbrdfError
+from .atomic import named, remove_leftovers
 from .record_check import check_record, leads_out
 
 FORMAT = 1
@@ -45,7 +46,9 @@ def digest(value: Any) -> str:
 def write_json(path: Path, value: Any) -> None:
     """Write a JSON file whole or not at all."""
     temporary = path.with_name(f".{path.name}.part")
-    temporary.write_text(json.dumps(value, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    text = json.dumps(value, indent=1, allow_nan=False) + "\n"
+    with named(path):
+        temporary.write_text(text, encoding="utf-8")
     os.replace(temporary, path)
 
 
@@ -166,6 +169,8 @@ class ResultFolder:
         if self._committed.is_dir():
             self._finish()
         self.discard()
+        for folder in (self.path, *(path for path in self.path.glob("*/") if path.is_dir())):
+            remove_leftovers(folder)
 
     def stage(self, entry: str) -> Path:
         """Where to write `entry` for now; parent folders exist."""

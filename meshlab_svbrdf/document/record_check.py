@@ -14,6 +14,7 @@ SETTINGS = {"object": str, "held_out": TEXTS, "quality": str, "shown": dict}
 PRODUCT = {"filter": str, "key": str, "inputs": dict, "files": TEXTS, "layers": dict}
 LAYERS = ({"map": str}, {"file": str, "matrix": NUMBERS, "visible": bool})
 RUN = {"parameters": dict}
+LONGEST = 250  # bytes of an entry; file systems take 255 of a name
 
 
 def check_record(record: dict[str, Any]) -> None:
@@ -83,7 +84,8 @@ def _check_layer(layer: Any, where: str) -> None:
 
 def _check_entry(entry: str, where: str) -> None:
     path, windows = PurePosixPath(entry), PureWindowsPath(entry)
-    if not path.parts or ".." in windows.parts or windows.anchor or path.anchor or "\0" in entry:
+    outside = not path.parts or ".." in windows.parts or windows.anchor or path.anchor
+    if outside or "\0" in entry or len(entry.encode("utf-8", "replace")) > LONGEST:
         raise ValueError(f"{where}: {entry[:200]!r} does not lie in the folder of the results")
 
 

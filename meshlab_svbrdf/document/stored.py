@@ -2,6 +2,7 @@
 
 read_json    the content of a JSON file
 read_array   an array of an NPY file
+write_array  the inverse
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import DocumentError
+from .atomic import named
 
 
 def read_json(path: Path) -> Any:
@@ -35,8 +37,16 @@ def read_array(path: Path, *, mmap: bool = False) -> np.ndarray:
         return np.load(path, mmap_mode="r" if mmap else None, allow_pickle=False)
     except OSError as error:
         raise DocumentError(f"{path}: cannot be read ({error.strerror or error})") from None
+    except MemoryError as error:
+        raise DocumentError(f"{path}: holds more than memory does ({error})") from None
     except (ValueError, SyntaxError, TypeError, KeyError, TokenError, OverflowError, EOFError) as e:
         raise DocumentError(
             f"{path}: is cut off or damaged ({str(e).splitlines()[0]}): run the filter that makes "
             "it again"
         ) from None
+
+
+def write_array(path: Path, values: np.ndarray) -> None:
+    """Write an NPY file; `DocumentError` where the disk is full."""
+    with named(path):
+        np.save(path, values, allow_pickle=False)
