@@ -7,6 +7,7 @@
     python -m benchmarks photographs RESULT.mlp   of a run with --hold-out
     python -m benchmarks performance              run time, and others at the same work
     python -m benchmarks registration             cameras of films and photographs
+    python -m benchmarks stability [--scene extremes|files|interrupted]
     python -m benchmarks --all --docs             everything, into the documentation
 
 Scenes are rendered once into the cache. Every row is kept in --out as soon as it is there; the same
@@ -33,10 +34,20 @@ from .ledger import Ledger, Row, Task
 from .scenes.catalogue import SCENES
 from .scenes.make import cache_folder
 from .solve import warm_up
+from .stability import part as stability
 
 SLOW = "mitsuba"  # this peer is compared over time, on one scene
 PARTS = {
-    part.PART: part for part in (accuracy, timing, ablation, photographs, performance, registration)
+    part.PART: part
+    for part in (
+        accuracy,
+        timing,
+        ablation,
+        photographs,
+        performance,
+        registration,
+        stability,
+    )  # fmt: skip
 }
 
 
@@ -100,6 +111,8 @@ def wanted(arguments: argparse.Namespace, ledger: Ledger) -> tuple[list[Task], l
         films = [case for case in found_cases if case.name != PHOTOGRAPHS]
         stills = [case for case in found_cases if case.name == PHOTOGRAPHS]
         tasks += registration.tasks(films, stills, arguments.cache)
+    if stability.PART in parts:
+        tasks += stability.tasks(arguments.scene)
     return tasks, list(dict.fromkeys(notes))
 
 

@@ -9,10 +9,12 @@ from meshlab_svbrdf.presets import PRESETS
 from . import ablation, accuracy, performance, photographs, timing
 from .ledger import ROOT, Row
 from .plot import time_plot
+from .stability import part as stability
 from .tables import Column, Table, splice, table
 
 PAGE, README = ROOT / "docs" / "accuracy.md", ROOT / "README.md"
 SPEED = ROOT / "docs" / "performance.md"
+STABILITY = ROOT / "docs" / "stability.md"
 PICTURE = ROOT / "docs" / "images" / "accuracy_time.png"
 PARTS = (accuracy, timing, ablation, photographs)
 SHORT = (
@@ -40,6 +42,10 @@ def write_documents(rows: Mapping[str, Sequence[Row]]) -> None:
         splice(SPEED, performance.PART, text)
         if paper := performance.paper_table(own):
             splice(README, performance.PART, paper.markdown())
+    if own := rows.get(stability.PART):
+        for row in own:
+            text = "\n\n".join(each.markdown() for each in stability.tables([row]))
+            splice(STABILITY, f"{row['scene']}, {row['name']}", text)
     measured = timing.over_time(r for r in rows.get(timing.PART, ()) if "error" not in r)
     if measured:
         time_plot(measured, PICTURE)

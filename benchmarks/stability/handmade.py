@@ -14,7 +14,6 @@ import zlib
 from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
 from typer.testing import CliRunner
 
 from meshlab_svbrdf.cli import app
@@ -247,7 +246,8 @@ def _device(folder: Path) -> Arguments:
 PLY = "ply\nformat binary_little_endian 1.0\n"
 XYZ = "property float x\nproperty float y\nproperty float z\n"
 REGISTER = (
-    "register", "{}/project/small.mlp", "-o", "{}/out", "--images", "{}/project/frames", "--cameras",
+    "register", "{}/project/small.mlp", "-o", "{}/out", "--images", "{}/project/frames",
+    "--cameras",
 )  # fmt: skip
 CASES: dict[str, tuple[Callable[[Path], Arguments], str]] = {
     "billion laughs, .mlp": (_edited("<!DOCTYPE MeshLabDocument>", BOMB), "XML entity 'l0'"),
@@ -302,7 +302,7 @@ CASES: dict[str, tuple[Callable[[Path], Arguments], str]] = {
     "a PLY cut off": (_cut("project/mesh.ply", 0.8), "mesh.ply: is cut off or damaged"),
     "an empty PLY": (_file("project/mesh.ply", b""), "mesh.ply: is not a PLY file"),
     "attributes that MeshLab's parser cannot take": (_strange_attributes, ""),
-    "a frame cut off": (_frame(lambda data: data[: len(data) // 2]), "f0.png: the image is cut off"),
+    "a frame cut off": (_frame(lambda data: data[: len(data) // 2]), "f0.png: the image is cut"),
     "a frame that is empty": (_frame(lambda data: b""), "f0.png is empty"),
     "a PNG of 60,000² pixels": (_frame(lambda data: _png_header(60_000, 60_000)), "f0.png"),
     "a PNG of 20,000² pixels": (_frame(lambda data: _png_header(20_000, 20_000)), "f0.png"),

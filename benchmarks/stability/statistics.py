@@ -18,17 +18,17 @@ from .checks import Case
 
 COUNTS = (1, 7, 8, 100, 1_000, 10_000, 100_000)
 CONTENTS = ("constant", "black", "clipped", "one colour", "noise", "one spike")
-SINGLE = 2e-6  # a few units of float32's last place, relative to 100
+SINGLE = 1e-5  # of 100: a unit in the last place of single precision is 8e-6
 DARK = np.zeros((16, 32))
 
 
 def cases(folder: Path) -> Iterator[Case]:
     for count in COUNTS:
-        yield (f"{count:,} samples a texel", "threshold, of 100", SINGLE * 100,
+        yield (f"{count:,} samples a texel", "threshold, of 100", SINGLE,
                partial(_threshold, folder, "noise", count))  # fmt: skip
     for content in CONTENTS:
         for what, measure in (("threshold", _threshold), ("mean colour", _mean), ("D", _diffuse)):
-            yield content, f"{what}, of 100", SINGLE * 100, partial(measure, folder, content, 1_000)
+            yield content, f"{what}, of 100", SINGLE, partial(measure, folder, content, 1_000)
     yield "10⁷ terms in one pixel of the map", "radiance, relative", 1e-6, partial(_map, folder)
     yield "10⁷ terms in one mean", "mean, relative", 1e-6, partial(_long_mean, folder)
 

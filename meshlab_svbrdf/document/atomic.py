@@ -11,7 +11,6 @@ from pathlib import Path
 
 from ..errors import DocumentError
 
-
 _TEMPORARY = re.compile(r"\..*\.[0-9a-f]{8}(\.[^.]*)?\Z")
 
 

@@ -15,7 +15,6 @@ from ..geometry.camera import Camera
 from .cameras import decode_numbers, encode_numbers, read_camera, write_camera
 from .video_names import is_frames_folder, relative, video_of
 
-
 LONGEST = 255  # bytes of a file's name
 
 

@@ -91,7 +91,7 @@ def test_links_that_leave_the_folder_are_refused(tmp_path, link):
     path = tmp_path / "r.svbrdf" / link
     path.parent.mkdir(parents=True)
     os.symlink(tmp_path / "mine", path)
-    with pytest.raises(DocumentError, match="is a link to .*outside of the results"):
+    with pytest.raises(DocumentError, match=r"is a link to .*outside of the results"):
         ResultFolder(tmp_path / "r.svbrdf")
     assert not list((tmp_path / "mine").iterdir())
 

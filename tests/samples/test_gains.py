@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from meshlab_svbrdf.samples.gains import group_median, frame_gains, gain_spread
+from meshlab_svbrdf.samples.gains import frame_gains, gain_spread, group_median
 from meshlab_svbrdf.samples.luminance import to_srgb8
 
 T, F = 1200, 24
