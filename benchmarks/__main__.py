@@ -47,7 +47,7 @@ PARTS = {
         performance,
         registration,
         stability,
-    )  # fmt: skip
+    )
 }
 
 
@@ -61,7 +61,7 @@ def main() -> None:
         tasks, notes = wanted(arguments, ledger)
         for note in notes:
             print(note, file=sys.stderr)
-        if ledger.todo(tasks):
+        if any(task.part != stability.PART for task in ledger.todo(tasks)):
             warm_up(ledger.work / "warm_up")
         rows = ledger.rows(tasks)
     finally:

@@ -142,6 +142,8 @@ def info(project: Path, as_json: bool) -> None:
         for video in told["videos"]:
             problem = f" ({video['problem']})" if video["problem"] else ""
             typer.echo(f"video    {video['file']}: {video['frames']} of the rasters{problem}")
+        for folder, count in told["outside"].items():
+            typer.echo(f"outside  {folder}: {count} files of the project, which are only read")
         for label in told["held_out_labels"]:
             typer.echo(f"held out {label}")
         typer.echo(f"results  {told['results']}{'' if told['products'] else ': none yet'}")
@@ -350,12 +352,25 @@ def _tell(document: Document) -> dict[str, Any]:
         "layers": layers,
         "rasters": len(document.project.rasters),
         "videos": _videos(document),
+        "outside": _outside(document),
         "held_out": len(document.held_out),
         "held_out_labels": [raster.label for raster in document.held_out],
         "results": str(document.folder),
         "products": products,
         "materials": _named(document) if has_materials else [],
     }
+
+
+def _outside(document: Document) -> dict[str, int]:
+    """Folders that do not lie beside the project or below, and how many of its files they hold."""
+    rasters = document.project.rasters
+    frames = Frames(rasters)
+    files = {frames.file(raster) for raster in rasters}
+    files |= {path for each in rasters if (path := each.mask) is not None}
+    files |= {path for layer in document.layers if (path := layer.path) is not None}
+    here = document.path.parent.resolve()
+    away = (path.parent for path in files if not path.resolve().is_relative_to(here))
+    return {str(folder): count for folder, count in sorted(Counter(away).items())}
 
 
 def _videos(document: Document) -> list[dict[str, Any]]:

@@ -57,7 +57,7 @@ def meshes() -> dict[str, Mesh]:
     holes[7, 1] = np.nan
     lost = ball.uv.copy()
     lost[3, 1, 0] = np.nan
-    odd = faces % 2 == 1
+    odd, half = faces % 2 == 1, len(faces) // 2
     flat = np.where((faces % 3 == 0)[:, None, None], 0.5, ball.uv)
     return {
         "a plane": plane(1.0, cells=4),
@@ -77,7 +77,7 @@ def meshes() -> dict[str, Mesh]:
             ball.vertices, np.repeat(ball.faces, 2, 0), None, np.repeat(ball.uv, 2, 0)
         ),
         "three faces at an edge": wedge,
-        "open": Mesh(ball.vertices, ball.faces[: len(faces) // 2], None, ball.uv[: len(faces) // 2]),
+        "open": Mesh(ball.vertices, ball.faces[:half], None, ball.uv[:half]),
         "flipped normals": replace(ball, faces=ball.faces[:, ::-1].copy(), uv=ball.uv[:, ::-1]),
         "half of the faces flipped": Mesh(
             ball.vertices, np.where(odd[:, None], ball.faces[:, ::-1], ball.faces), None,

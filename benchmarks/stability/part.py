@@ -24,7 +24,7 @@ SWEEPS: dict[str, ModuleType] = {
     "sums": statistics, "single precision": precision, "lights and gloss": lamps,
     "the chain": chain,
 }  # fmt: skip
-DAMAGED, KILLS, DISKS = 200, 300, 60
+DAMAGED, KILLS, DISKS = 200, 200, 40
 
 
 def tasks(only: Sequence[str] = ()) -> list[Task]:
