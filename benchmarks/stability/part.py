@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
@@ -112,8 +113,7 @@ def _extremes(row: Row) -> Table:
 
 def _short(said: str) -> str:
     """What a message says, without the folder of this run."""
-    words = [Path(word).name if word.startswith("/") else word for word in said.split()]
-    text = " ".join(words)
+    text = re.sub(r"/(?:[^/\s]+/)+", "", " ".join(said.split()))
     return f"“{text[:110]}{'…' if len(text) > 110 else ''}”"
 
 
@@ -127,7 +127,7 @@ def _formats(row: Row) -> Table:
 
 
 def _cases(row: Row) -> Table:
-    cells = [[case["case"], _short(case["said"].removeprefix("Error: "))] for case in row["cases"]]
+    cells = [[case["case"], _short(case["said"].rpartition("Error: ")[2])] for case in row["cases"]]
     return Table(f"{len(cells)} files made to do harm", ["file", "what is said"], cells)
 
 
