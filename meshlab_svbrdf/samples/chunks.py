@@ -72,7 +72,7 @@ class FileChunk:
         rows = np.empty((stop - first, *shape), dtype)
         with open(self._paths[name], "rb", buffering=0) as file:
             file.seek(start + first * int(np.prod(shape)) * dtype.itemsize)
-            if file.readinto(rows) != rows.nbytes:
+            if file.readinto(rows.data) != rows.nbytes:
                 raise DocumentError(
                     f"{self._paths[name]} has been cut off: apply compute_svbrdf_samples again, "
                     "with --force"
