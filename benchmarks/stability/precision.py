@@ -10,11 +10,11 @@ import numpy as np
 
 from meshlab_svbrdf.geometry.harmonics import COEFFICIENTS, basis, evaluate
 from meshlab_svbrdf.geometry.texels import rasterise_texels
+from meshlab_svbrdf.power import exp, ln
 from meshlab_svbrdf.reflectance.directions import octahedral_cell, octahedral_directions
 from meshlab_svbrdf.reflectance.elimination import ALPHAS, profile
 from meshlab_svbrdf.reflectance.lights import tangents
 from meshlab_svbrdf.reflectance.phong import lobe
-from meshlab_svbrdf.reflectance.power import exp, ln
 from meshlab_svbrdf.reflectance.specular import solve_peak
 from meshlab_svbrdf.samples.luminance import decode, encode
 from meshlab_svbrdf.samples.observations import mirror_direction

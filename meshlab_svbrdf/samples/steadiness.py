@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .gains import group_median, some_logs
+from .gains import Groups, some_logs
 from .observations import Observations
 
 LEAST_SAMPLES = 4  # of a texel, on each side of a split
@@ -42,6 +42,6 @@ def _spread(value: np.ndarray, texel: np.ndarray, late: np.ndarray) -> float | N
     enough = np.bincount(group, minlength=count).reshape(-1, 2).min(1) >= LEAST_SAMPLES
     if enough.sum() < LEAST_TEXELS:
         return None
-    early, later = group_median(value, group, count).reshape(-1, 2)[enough].T
+    early, later = Groups(group, count).median(value).reshape(-1, 2)[enough].T
     change = later - early
     return float(1.4826 * np.median(np.abs(change - np.median(change))))
