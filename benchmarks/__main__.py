@@ -7,7 +7,7 @@
     python -m benchmarks photographs RESULT.mlp   of a run with --hold-out
     python -m benchmarks performance              run time, and others at the same work
     python -m benchmarks registration             cameras of films and photographs
-    python -m benchmarks stability [--scene extremes|files|interrupted]
+    python -m benchmarks stability [--scene extremes|files|guards|…]
     python -m benchmarks --all --docs             everything, into the documentation
 
 Scenes are rendered once into the cache. Every row is kept in --out as soon as it is there; the same
