@@ -47,7 +47,7 @@ FILTER = Filter(
         ),
         Parameter(
             "scale", "float", 1.0, minimum=1e-6, maximum=1e6,
-            help="Colour and gloss are times this, lamps divided by it; nothing in the frames tells "
+            help="Colour and gloss are times this, lamps divided by it; no frame tells "
             "it: make it less where colours are brighter than 1, and cut.",
         ),
         Parameter(
@@ -62,7 +62,7 @@ FILTER = Filter(
     ),
     help="Writes what other programs open: glTF 2.0 (or GLB) with normal map, roughness, "
     "KHR_materials_specular and the lamps; OBJ with Kd, Ks, Ns; textures for Blender, Substance "
-    "and Unreal; lamps as a map of directions. Phong's lobes become GGX of the same energy and top.",
+    "and Unreal; lamps as a map of directions. Lobes become GGX of the same energy and top.",
     reference="Khronos, glTF 2.0; Walter et al. 2007 (GGX)",
 )  # fmt: skip
 

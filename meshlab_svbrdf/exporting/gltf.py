@@ -216,7 +216,7 @@ class Builder:
 
 
 def turn_to(direction: np.ndarray) -> np.ndarray:
-    """The quaternion (x, y, z, w) that turns −Z, along which glTF's lights shine, to a direction."""
+    """The quaternion (x, y, z, w) that turns −Z, where glTF's lights shine, to a direction."""
     start = np.array([0.0, 0.0, -1.0])
     w = 1 + float(start @ direction)
     if w < 1e-9:

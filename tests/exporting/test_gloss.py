@@ -74,12 +74,14 @@ def test_half_vectors_want_four_times_the_exponent():
 
 
 def test_microfacets_keep_their_own():
-    full = np.full((1, 4), np.nan)
-    look = Appearance(np.ones((1, 4, 3)), full.copy(), full.copy(), np.ones((1, 4, 3)),
-                      kind=np.array([[PHONG, GGX, BECKMANN, PHONG]]), grazing=np.zeros((1, 4)))  # fmt: skip
-    look.rho_s[0, :3], look.alpha[0, :3] = [0.4, 0.1, 0.2], [50, 0.2, 0.3]
-    look.grazing[0, 1] = 0.5
-        [0.4, 0.1, 0.2],
-        [50, 0.2, 0.3],
-        [0, 0.5, 0],
-    np.testing.assert_allclose(roughness[0], [np.sqrt(1 / 102), 0.2, 0.3, np.nan])
+    def row(*values):
+        return np.array([values])
+
+    look = Appearance(
+        np.ones((1, 4, 3)), row(0.4, 0.1, 0.2, np.nan), row(50, 0.2, 0.3, np.nan),
+        np.ones((1, 4, 3)), kind=row(PHONG, GGX, BECKMANN, PHONG), grazing=row(0, 0.5, 0, 0),
+    )  # fmt: skip
+    facing, grazing, roughness = ggx_of(look)
+    np.testing.assert_allclose(facing, row(0.8 / 51, 0.1 / np.pi, 0.2 / np.pi, 0))
+    np.testing.assert_allclose(grazing, row(0.8 / 51, 0.6 / np.pi, 0.2 / np.pi, 0))
+    np.testing.assert_allclose(roughness, row(np.sqrt(1 / 102), 0.2, 0.3, np.nan))
