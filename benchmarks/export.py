@@ -156,9 +156,11 @@ def _files(cache: Path, case: Case, exported: Exported) -> Row:
     )  # fmt: skip
     coverage = json.loads(exported.file.with_suffix(".json").read_text())["coverage"]
     size = sum(path.stat().st_size for path in (exported.folder / "again").iterdir())
-    kinds = ("Errors", "Warnings", "Infos", "Hints")
+    kinds = {"errors": ("Errors",), "warnings": ("Warnings",), "remarks": ("Infos", "Hints")}
     return {
-        "validator": {kind: sum(r[f"num{kind}"] for r in reports) for kind in kinds},
+        "validator": {
+            word: sum(r[f"num{each}"] for r in reports for each in of) for word, of in kinds.items()
+        },
         "seconds": run.seconds, "megabytes": size / 1e6, "coverage": coverage,
     }  # fmt: skip
 
@@ -216,7 +218,7 @@ def tables(rows: Sequence[Row]) -> list[Table]:
     views = [row for row in rows if row["name"] != FILES]
 
     def issues(row: Row) -> str:
-        return ", ".join(f"{count} {kind.lower()}" for kind, count in row["validator"].items())
+        return ", ".join(f"{count} {kind}" for kind, count in row["validator"].items())
 
     def share(key: str) -> Callable[[Row], float]:
         return lambda row: 100 * row["coverage"][key]

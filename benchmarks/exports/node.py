@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -52,3 +53,7 @@ def validated(path: Path, modules: Path) -> dict[str, Any]:
 def _version(package: Path) -> str | None:
     told = package / "package.json"
     return json.loads(told.read_text())["version"] if told.is_file() else None
+
+
+if __name__ == "__main__":
+    print(modules(Path(sys.argv[1])).absolute())

@@ -122,7 +122,7 @@ def png_of(array: np.ndarray) -> bytes:
     shaped = array.ndim == 2 or (array.ndim == 3 and array.shape[2] in (3, 4))
     if not shaped or array.dtype not in (np.uint8, np.uint16) or array.size == 0:
         raise ValueError(
-            "a PNG is (H, W) or (H, W, 1|3|4) of uint8 or uint16, found "
+            "png_of expects (H, W) or (H, W, 1|3|4) of uint8 or uint16, found "
             f"{array.shape} of {array.dtype}; write np.round(255 * x).astype(np.uint8), x in [0, 1]"
         )
     _, data = cv2.imencode(".png", array if array.ndim == 2 else _swap_red_and_blue(array))

@@ -3,7 +3,7 @@
 A lamp of perpendicular irradiance π c gives c ρ (l·r)^α by Phong's lobe, and c π F D G/(4 n·v) by
 microfacets, where a white surface that faces it shows c. Seen from above, the lobe sends back
 2ρ/(α + 1) of the light, and its top is ρ; GGX of the roughness a sends back F (less what its
-microfacets hide) and has the top F/(4 a²). So
+microfacets hide, some a² of it) and has the top F/(4 a²). So
 
     F = 2ρ/(α + 1)     a² = 1/(2 (α + 1))
 
