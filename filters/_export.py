@@ -93,7 +93,7 @@ def write_gltf(folder: Path, package: Package, embed: bool) -> dict[str, str]:
     for k, faces in enumerate(textured_faces(mesh, count)):
         if len(faces):
             material = _gltf_material(package, k) if k < count else _gltf_bare()
-            vertices = joined_vertices(mesh, faces, package.tangents)
+            vertices = joined_vertices(mesh, faces, None if package.shaded else package.tangents)
             index = builder.material(material, two_sided)
             primitives.append(builder.primitive(vertices, index))
     builder.object(primitives, mesh.center)

@@ -77,9 +77,8 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
     # Gather what the object is made of
     progress(0.0, "materials")
     shaded = _shaded(document, parameters.color)
-    looks = _looks(document, True, shaded)
     fill = parameters.unobserved == "nearest"
-    made = [made_of(look, parameters.scale, fill) for look in looks]
+    made = [made_of(look, parameters.scale, fill) for look in _looks(document, True, shaded)]
     mesh, texels = document.mesh(), document.texels()
     progress(0.2, "normals")
     tangents, normals = normal_maps(document, mesh, texels)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -10,7 +10,8 @@ from ..geometry.mesh import Mesh
 from ..geometry.mikktspace import same_rows
 
 
-class Vertices(NamedTuple):
+@dataclass(frozen=True)
+class Vertices:
     """position, normal : (N, 3) float32, about the mesh's centre; uv : (N, 2) float32, v upwards
     tangent : (N, 4) float32, or None; index : (F, 3) uint32, counter-clockwise seen from outside
     """

@@ -138,13 +138,12 @@ class Builder:
         return self._add("materials", entry)
 
     def primitive(self, vertices: Vertices, material: int) -> dict[str, Any]:
+        downwards = vertices.uv.copy()  # images begin at the top
+        downwards[:, 1] = 1 - downwards[:, 1]
         attributes = {
             "POSITION": self.accessor(vertices.position, ARRAY, bounds=True),
             "NORMAL": self.accessor(vertices.normal, ARRAY),
-            # Images begin at the top
-            "TEXCOORD_0": self.accessor(
-                np.float32([0, 1]) + vertices.uv * np.float32([1, -1]), ARRAY
-            ),
+            "TEXCOORD_0": self.accessor(downwards, ARRAY),
         }
         if vertices.tangent is not None:
             attributes["TANGENT"] = self.accessor(vertices.tangent, ARRAY)
@@ -157,7 +156,7 @@ class Builder:
 
     def lamps(self, light: Illumination, center: np.ndarray, radius: float) -> None:
         """A node for each light, all of KHR_lights_punctual."""
-        entries = []
+        entries: list[dict[str, Any]] = []
         for k in range(len(light)):
             brightest = float(light.color[k].max())
             if not brightest > 0:

@@ -30,7 +30,7 @@ BLACKEST = 0.05
 
 
 class Made(NamedTuple):
-    """color : (H, W, 3) linear, 0 to 1 and what exceeds it, NaN where unobserved and not filled
+    """color : (H, W, 3) float32 linear, may exceed 1, NaN where unobserved and not filled
     ggx : (H, W) each; 0 where there is no gloss; tint : (H, W, 3) of the highlight, luminance 1
     inside : (H, W) the charts; known, glossy : (H, W) where colour, and gloss, were observed
     """
@@ -73,15 +73,12 @@ def made_of(look: Appearance, scale: float = 1.0, fill: bool = False) -> Made:
     """
     inside = np.ones(look.rho_s.shape, bool) if look.inside is None else look.inside
     known = inside & np.isfinite(look.diffuse).all(-1)
-    color = fill_gutters(look.diffuse * scale, known if fill else inside)
-    ggx = ggx_of(look)
+    color = np.where(known[..., None], look.diffuse * scale, np.nan).astype(np.float32)
+    facing, grazing, roughness = (each.astype(np.float32) for each in ggx_of(look))
     return Made(
-        color,
-        Ggx(
-            *(fill_gutters(share * scale, inside) for share in ggx[:2]),
-            fill_gutters(ggx.roughness, inside),
-        ),
-        fill_gutters(look.tint, inside),
+        fill_gutters(color, known) if fill else color,
+        Ggx(facing * np.float32(scale), grazing * np.float32(scale), roughness),
+        look.tint.astype(np.float32),
         inside,
         known,
         inside & np.isfinite(look.rho_s),
@@ -98,18 +95,22 @@ def gltf_maps(made: Made, grey: int) -> GltfMaps:
     facing = np.minimum(made.ggx.facing[..., None] * made.tint, 1)
     top = facing.max(-1)
     grazing = np.minimum(np.maximum(made.ggx.grazing, top), 1)
-    share = np.divide(
-        facing, grazing[..., None], out=np.ones_like(facing), where=top[..., None] > 0
-    )
+    share, mirrors = np.ones_like(facing), top > 0
+    share[mirrors] = facing[mirrors] / grazing[mirrors][:, None]
     base = made.color / np.maximum(1 - top, BLACKEST)[..., None]
     perceptual, rough_factor = _perceptual(made)
     specular, specular_factor = _ratio(grazing)
-    largest = float(share.max(initial=0)) or 1.0
+    largest = float(share[mirrors].max(initial=0)) or 1.0
+    white = bool((share == largest).all())
+    tint = np.full_like(facing, 255, np.uint8) if white else to_srgb8(share / largest)
+    base, perceptual, tint, specular = _finished(
+        made.inside, _colors(base, grey), perceptual, tint, specular
+    )
     return GltfMaps(
-        _colors(base, grey),
+        base,
         np.dstack([np.full_like(perceptual, 255), perceptual, np.zeros_like(perceptual)]),
         rough_factor,
-        np.dstack([to_srgb8(share / largest), specular]),
+        np.dstack([tint, specular]),
         specular_factor,
         largest / DIELECTRIC,
     )
@@ -118,14 +119,19 @@ def gltf_maps(made: Made, grey: int) -> GltfMaps:
 def pbr_maps(made: Made, grey: int) -> dict[str, np.ndarray]:
     """Images by their usual names. Observed: red 255 where the colour is, green where the gloss."""
     perceptual = np.sqrt(np.nan_to_num(made.ggx.roughness, nan=ROUGH))
+    color, rough, specular = _finished(
+        made.inside, _colors(made.color, grey), _codes(perceptual), _codes(made.ggx.facing / LEVEL)
+    )
+    nothing = np.zeros_like(made.known)
     images = {
-        "BaseColor": _colors(made.color, grey),
-        "Roughness": _codes(perceptual),
-        "Specular": _codes(made.ggx.facing / LEVEL),
-        "Observed": _codes(np.dstack([made.known, made.glossy, np.zeros_like(made.known)])),
+        "BaseColor": color,
+        "Roughness": rough,
+        "Specular": specular,
+        "Observed": _codes(np.dstack([made.known, made.glossy, nothing])),
     }
     if (made.tint[made.glossy] != 1).any():
-        images["SpecularTint"] = to_srgb8(made.tint / made.tint.max(-1, keepdims=True))
+        tint = to_srgb8(made.tint / made.tint.max(-1, keepdims=True))
+        (images["SpecularTint"],) = _finished(made.inside, tint)
     return images
 
 
@@ -133,8 +139,9 @@ def phong_maps(look: Appearance, scale: float = 1.0) -> PhongMaps:
     """Ks and Ns of the lobes, as the MTL format means them: Ks (n·h)^Ns."""
     inside = np.ones(look.rho_s.shape, bool) if look.inside is None else look.inside
     strength = np.nan_to_num(look.rho_s)[..., None] * look.tint * scale
-    ks, ks_factor = _ratio(fill_gutters(strength, inside), least=1.0)
-    ns, ns_factor = _ratio(fill_gutters(HALF_VECTOR * np.nan_to_num(look.alpha), inside))
+    ks, ks_factor = _ratio(strength, least=1.0)
+    ns, ns_factor = _ratio(HALF_VECTOR * np.nan_to_num(look.alpha))
+    ks, ns = _finished(inside, ks, ns)
     return PhongMaps(ks, ks_factor, ns, ns_factor)
 
 
@@ -158,3 +165,14 @@ def _codes(values: np.ndarray) -> np.ndarray:
 def _colors(linear: np.ndarray, grey: int) -> np.ndarray:
     known = np.isfinite(linear).all(-1, keepdims=True)
     return np.where(known, to_srgb8(linear), np.uint8(grey))
+
+
+def _finished(inside: np.ndarray, *images: np.ndarray) -> list[np.ndarray]:
+    """The images with their gutters filled, all at once."""
+    filled = fill_gutters(np.dstack(images), inside)
+    ends = np.cumsum([1 if image.ndim == 2 else image.shape[2] for image in images])
+    parts = np.split(filled, ends[:-1], axis=2)
+    return [
+        np.ascontiguousarray(part[..., 0] if image.ndim == 2 else part)
+        for part, image in zip(parts, images, strict=True)
+    ]

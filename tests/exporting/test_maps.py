@@ -124,7 +124,8 @@ def test_scale_is_of_colour_and_gloss_alike(look):
 def test_unobserved_colour_is_a_neighbours_where_that_is_asked_for(look):
     filled = made_of(look, fill=True)
     assert np.isfinite(filled.color).all()
-    around = {tuple(look.diffuse[r, c]) for r in (4, 5, 6) for c in (4, 5, 6)}
+    near = look.diffuse.astype(np.float32)
+    around = {tuple(near[r, c]) for r in (4, 5, 6) for c in (4, 5, 6)}
     assert tuple(filled.color[5, 5]) in around
     assert not filled.known[5, 5]
 
