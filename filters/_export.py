@@ -115,11 +115,13 @@ def write_gltf(folder: Path, package: Package, embed: bool) -> dict[str, str]:
 
 def _gltf_material(package: Package, k: int) -> gltf.Material:
     made, stem = package.made[k], f"{package.stem(k)}_glTF"
-    maps = gltf_maps(made, UNOBSERVED_GREY)
     encode, suffix = (jpeg_of, ".jpg") if package.jpeg else (png_of, ".png")
-    base = gltf.Image(f"{stem}_BaseColor{suffix}", encode(maps.base))
     if package.shaded:
+        color = pbr_maps(made, UNOBSERVED_GREY)["BaseColor"]
+        base = gltf.Image(f"{stem}_BaseColor{suffix}", encode(color))
         return gltf.Material(package.stem(k), base, unlit=True)
+    maps = gltf_maps(made, UNOBSERVED_GREY)
+    base = gltf.Image(f"{stem}_BaseColor{suffix}", encode(maps.base))
     normal = None
     if package.normals is not None:
         normal = gltf.Image(f"{package.stem(k)}_Normal.png", png_of(package.normals[k]))
@@ -138,10 +140,16 @@ def _gltf_material(package: Package, k: int) -> gltf.Material:
 
 def _gltf_bare() -> gltf.Material:
     """Of faces without a texture: nothing was observed there."""
-    return gltf.Material(BARE, base_factor=float(decode(np.array(UNOBSERVED_GREY / 255))))
+    return gltf.Material(BARE, base_factor=_grey())
 
 
-def write_obj(folder: Path, package: Package, phong: list[Appearance], scale: float):
+def _grey() -> float:
+    return float(decode(np.array(UNOBSERVED_GREY / 255)))
+
+
+def write_obj(
+    folder: Path, package: Package, phong: list[Appearance], scale: float
+) -> dict[str, str]:
     """NAME.obj, NAME.mtl and their images."""
     materials, files = [], {}
     for k, (made, look) in enumerate(zip(package.made, phong, strict=True)):
@@ -159,8 +167,9 @@ def write_obj(folder: Path, package: Package, phong: list[Appearance], scale: fl
             (folder / names[word]).write_bytes(png_of(image))
             files[names[word]] = space
         materials.append(ObjMaterial(package.stem(k), names, maps.ks_factor, maps.ns_factor))
-    grey = float(decode(np.array(UNOBSERVED_GREY / 255)))
-    library = [*materials, ObjMaterial(BARE, {}, 0.0, 1.0, grey)]
+    library = list(materials)
+    if len(textured_faces(package.mesh, len(materials))[-1]):
+        library.append(ObjMaterial(BARE, {}, 0.0, 1.0, _grey()))
     text = obj_text(
         package.mesh, [m.name for m in materials], BARE, f"{package.name}.mtl", GENERATOR
     )

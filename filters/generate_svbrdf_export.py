@@ -171,6 +171,6 @@ def _told(package: Package, coverage: dict[str, float]) -> list[str]:
         ("color_cut_at_1", "are brighter than 1 and cut: a smaller `scale` keeps them"),
         ("mirrored_share_cut_at_1", "would mirror more than all light: a smaller `scale` is right"),
     ):
-        if coverage[key] > 0:
+        if coverage[key] >= 0.0005:
             lines.append(f"{100 * coverage[key]:.1f} % {words}")
     return lines

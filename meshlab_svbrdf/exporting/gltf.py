@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import struct
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -52,7 +52,6 @@ class Material:
     tinted: bool = False
     normal: Image | None = None
     unlit: bool = False
-    extras: dict[str, Any] = field(default_factory=dict)
 
 
 class Builder:
@@ -133,8 +132,6 @@ class Builder:
                 entry["normalTexture"] = self.texture(material.normal)
             told = self._specular(material)
             entry["extensions"] = self._extension("KHR_materials_specular", told)
-        if material.extras:
-            entry["extras"] = material.extras
         return self._add("materials", entry)
 
     def primitive(self, vertices: Vertices, material: int) -> dict[str, Any]:

@@ -101,6 +101,7 @@ def gltf_maps(made: Made, grey: int) -> GltfMaps:
     perceptual, rough_factor = _perceptual(made)
     specular, specular_factor = _ratio(grazing)
     largest = float(share[mirrors].max(initial=0)) or 1.0
+    share[~mirrors] = largest
     white = bool((share == largest).all())
     tint = np.full_like(facing, 255, np.uint8) if white else to_srgb8(share / largest)
     base, perceptual, tint, specular = _finished(

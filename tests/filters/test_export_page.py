@@ -133,7 +133,9 @@ def test_without_albedo_the_shaded_colour_is_unlit_and_that_is_said(result, tmp_
     assert "light and shadow, unlit" in said
     told = json.loads((tmp_path / "out" / "totem.gltf").read_text())
     assert told["materials"][0]["extensions"] == {"KHR_materials_unlit": {}}
-    color = decode(read_image(tmp_path / "out" / "totem_BaseColor.png") / 255)
+    codes = read_image(tmp_path / "out" / "totem_BaseColor.png")
+    np.testing.assert_array_equal(read_image(tmp_path / "out" / "totem_glTF_BaseColor.png"), codes)
+    color = decode(codes / 255)
     diffuse = result.map("diffuse")[0]
     known = np.isfinite(diffuse).all(-1)
     assert np.median(np.abs(color[known] - np.clip(diffuse[known], 0, 1))) < 0.02
