@@ -38,10 +38,10 @@ def lit(result) -> Document:
 
 
 def with_turned_normals(document: Document) -> None:
-    """Give the result normals that a fit would have corrected."""
+    """Give the result normals that a fit would have corrected, in waves."""
     texels = document.texels()
-    rng = np.random.default_rng(2)
-    normals = texels.normal + rng.normal(scale=0.05, size=texels.normal.shape)
+    wave = 0.25 * np.sin(12 / texels.radius * texels.position[:, [1, 2, 0]])
+    normals = texels.normal + wave
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     with document.write("material_specular", edits=("material_specular",)):
         document.set_attribute("refined_normal", normals.astype(np.float32))
@@ -115,7 +115,8 @@ def test_three_js_shows_what_is_rendered_here(result, tmp_path_factory, tmp_path
     theirs = to_srgb8(show_in_three(out / "totem.glb", camera))
     result.apply(RELIGHT, lights=tmp_path / "lamps.json", cameras=cameras, folder=tmp_path,
               shadows=False)  # fmt: skip
-    assert psnr(read_image(tmp_path / "view_00.png"), theirs)[0] > 30
+    # Measured 34.0; without the normal map 23.4
+    assert psnr(read_image(tmp_path / "view_00.png"), theirs)[0] > 32
 
 
 def test_normals_are_in_both_conventions(result, tmp_path):
