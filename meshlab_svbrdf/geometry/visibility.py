@@ -140,7 +140,7 @@ def vertex_visibility(
 def _hemispheres(normals: np.ndarray) -> np.ndarray:
     """Harmonics of [n·ω > 0], (V, 36): 2π ∫₀¹ P_l of Y_lm(n); zero for a zero normal."""
     shares = np.repeat(_HALF_LEGENDRE, 2 * np.arange(BANDS) + 1)
-    return 2 * np.pi * shares * basis(normals) * normals.any(axis=1)[:, None]
+    return 2 * np.pi * shares * basis(normals) * normals.any(axis=1, keepdims=True)
 
 
 def _between(mesh: Mesh, normals: np.ndarray) -> tuple[np.ndarray, csr_array]:
