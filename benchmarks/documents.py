@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from meshlab_svbrdf.presets import PRESETS
 
-from . import ablation, accuracy, performance, photographs, timing
+from . import ablation, accuracy, export, performance, photographs, timing
 from .ledger import ROOT, Row
 from .plot import time_plot
 from .tables import Column, Table, splice, table
@@ -14,6 +14,8 @@ from .tables import Column, Table, splice, table
 PAGE, README = ROOT / "docs" / "accuracy.md", ROOT / "README.md"
 SPEED = ROOT / "docs" / "performance.md"
 PICTURE = ROOT / "docs" / "images" / "accuracy_time.png"
+EXPORT = ROOT / "docs" / "export.md"
+EXPORT_PICTURE = ROOT / "docs" / "images" / "export.png"
 PARTS = (accuracy, timing, ablation, photographs)
 SHORT = (
     Column("s", "seconds", "{:.0f}"),
@@ -27,7 +29,7 @@ SHORT = (
 
 
 def write_documents(rows: Mapping[str, Sequence[Row]]) -> None:
-    """Fill the parts of docs/accuracy.md, docs/performance.md and README.md that `rows` has
+    """Fill the parts of docs/accuracy.md, export.md, performance.md and README.md that `rows` has
     figures for."""
     splice(PAGE, "presets", presets_table())
     for part in PARTS:
@@ -35,6 +37,9 @@ def write_documents(rows: Mapping[str, Sequence[Row]]) -> None:
         if own:
             tables = part.tables(own)
             splice(PAGE, part.PART, "\n\n".join(each.markdown() for each in tables))
+    if own := rows.get(export.PART):
+        splice(EXPORT, export.PART, "\n\n".join(each.markdown() for each in export.tables(own)))
+        export.picture(own, EXPORT_PICTURE)
     if own := rows.get(performance.PART):
         text = "\n\n".join(each.markdown() for each in performance.tables(own))
         splice(SPEED, performance.PART, text)

@@ -87,7 +87,7 @@ def _illumination(document: Document, parameters: Namespace) -> Illumination:
     parts = []
     if parameters.lights is not None:
         lights = read_light_file(parameters.lights)
-        parts.append(_lamps(document, lights.lamps))
+        parts.append(lamps_of(document, lights.lamps))
         if lights.ambient.any():
             parts.append(uniform_light(lights.ambient, parameters.directions))
     if parameters.environment is not None:
@@ -105,7 +105,8 @@ def _illumination(document: Document, parameters: Namespace) -> Illumination:
     return replace(light, color=light.color * 2.0**parameters.exposure)
 
 
-def _lamps(document: Document, entries: Sequence[LightEntry]) -> Illumination:
+def lamps_of(document: Document, entries: Sequence[LightEntry]) -> Illumination:
+    """Lamps of a file as they stand around the object; SvbrdfError where one is within it."""
     center, radius = document.array("texels_center"), float(document.array("texels_radius"))
     direction, curvature = np.zeros((len(entries), 3)), np.zeros(len(entries))
     for k, entry in enumerate(entries):

@@ -1,4 +1,4 @@
-"""The shell: `meshlab-svbrdf register | run | batch | plan | apply | info | render | view` …
+"""The shell: `meshlab-svbrdf register | run | batch | plan | apply | info | render | export` …
 
 What the commands are called and take. `commands.py` does it, and is imported when one is run, so
 that `--help` comes at once.
@@ -31,6 +31,11 @@ class PresetName(StrEnum):
     draft = "draft"
     standard = "standard"
     full = "full"
+
+
+class Unobserved(StrEnum):
+    grey = "grey"
+    nearest = "nearest"
 
 
 Project = Annotated[
@@ -304,6 +309,37 @@ def render(
     from . import commands
 
     commands.render(project, cameras, output, lights, environment, turn, exposure, as_json)
+
+
+@app.command()
+def export(
+    project: Project,
+    output: Annotated[Path, typer.Option("-o", "--output", help="The folder for the files.")],
+    formats: Annotated[
+        str, typer.Option("--format", help="Of gltf, glb, obj, textures and lights.")
+    ] = "glb,obj,textures,lights",
+    shaded: Annotated[
+        bool, typer.Option("--shaded", help="The colour as it was lit, shown without a light.")
+    ] = False,
+    lights: Annotated[
+        Path | None, typer.Option(help="Other lamps, a JSON file in the form of lights.json.")
+    ] = None,
+    scale: Annotated[
+        float, typer.Option(help="Of colour and gloss; lamps are divided by it.")
+    ] = 1.0,
+    unobserved: Annotated[
+        Unobserved, typer.Option(help="Colour of texels that were not observed.")
+    ] = Unobserved.grey,
+    jpeg: Annotated[bool, typer.Option("--jpeg", help="glTF's base colour as JPEG.")] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Write the object for other programs: glTF, OBJ, textures, lamps."""
+    from . import commands_export
+
+    commands_export.export(
+        project, output, formats=formats, shaded=shaded, lights=lights, scale=scale,
+        unobserved=unobserved, jpeg=jpeg, as_json=as_json,
+    )  # fmt: skip
 
 
 @app.command()

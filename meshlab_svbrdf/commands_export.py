@@ -1,0 +1,39 @@
+"""What `meshlab-svbrdf export` does: the albedo, if need be, and then the files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from .commands import ALBEDO, _friendly, _stages
+from .document.document import Document
+from .errors import SvbrdfError
+
+EXPORT = "generate_svbrdf_export"
+
+
+def export(
+    project: Path, output: Path, *, formats: str, shaded: bool, lights: Path | None, scale: float,
+    unobserved: str, jpeg: bool, as_json: bool,
+) -> None:  # fmt: skip
+    """Write the object for other programs; without lamps its colour can only be the shaded one."""
+    with _friendly():
+        document = Document.open(project)
+        if not document.has("material_specular"):
+            raise SvbrdfError(
+                f"{project} has no results to export: make them with "
+                f"`meshlab-svbrdf run {project} -o out` and export out/{project.name}"
+            )
+        shaded = shaded or not document.json("lights")["lights"]
+        parameters = {
+            "folder": str(output.absolute()),
+            "formats": formats,
+            "color": "diffuse" if shaded else "albedo",
+            "lights": "" if lights is None else str(lights.absolute()),
+            "scale": scale,
+            "unobserved": unobserved,
+            "color_images": "jpeg" if jpeg else "png",
+        }
+        with _stages(as_json) as (say, show):
+            if not shaded:
+                say(document.apply(ALBEDO, False, show("albedo")))
+            say(document.apply(EXPORT, False, show("export"), **parameters))
