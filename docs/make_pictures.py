@@ -26,7 +26,6 @@ from picture_kit import (
     plt,
     row_of_images,
     save,
-    scaled,
     show,
 )  # fmt: skip
 from picture_plots import joint_profiles, light_shapes, material_bells, peak_in_time, texel_history
@@ -96,7 +95,7 @@ def texels(scene: Scene) -> None:
     """The atlas in normals, some texels in their triangles, the object."""
     t = scene.texels
     atlas = t.to_images((0.5 + 0.5 * t.normal).astype(np.float32), 0.11)[0]
-    camera = scaled(scene.frame(FRAME).camera, 1.2)
+    camera = scene.frame(FRAME).camera.scaled(1.2)
     figure = row_of_images(
         [atlas[::2, ::2], np.ones((480, 480, 3)), scene.wearing(decode(atlas), camera)],
         ["texels: the colour is the normal", "20 × 20 of them, one per pixel centre", ""],
@@ -196,7 +195,7 @@ def environment(scene: Scene) -> None:
 def diffuse(scene: Scene) -> None:
     """Mean, statistical D, final D and the truth."""
     document = scene.document
-    camera = around(scaled(scene.frame("high_040.jpg").camera, 1.2), scene.mesh)
+    camera = around(scene.frame("high_040.jpg").camera.scaled(1.2), scene.mesh)
     names = ("mean_color", "diffuse", "final_diffuse")
     images = [scene.wearing(scene.as_texture(document.attribute(n) / 100), camera) for n in names]
     images.append(scene.wearing(read_exr(TRUTH / "diffuse_shaded.exr"), camera))
@@ -291,14 +290,14 @@ def material_specular(scene: Scene) -> None:
 
 def albedo(scene: Scene) -> None:
     """D, and what is left of it without the light."""
-    camera = scaled(around(scene.held_out[3].camera, scene.mesh), 1.5)
+    camera = around(scene.held_out[3].camera, scene.mesh).scaled(1.5)
     shown = [scene.wearing(scene.document.map(name)[0], camera) for name in ("diffuse", "albedo")]
     save(row_of_images(shown, ["diffuse colour, as it was lit", "albedo"], 8), "albedo.png")
 
 
 def relighting(scene: Scene) -> None:
     """A view in its own light, under one lamp, and under a sky with a low sun."""
-    camera = scaled(around(scene.held_out[3].camera, scene.mesh), 1.5)
+    camera = around(scene.held_out[3].camera, scene.mesh).scaled(1.5)
     looks = [replace(scene.looks[0], diffuse=scene.document.map("albedo")[0])]
     lamp = Illumination(
         np.array([[-0.48, 0.6, 0.64]]), np.zeros(1), np.full((1, 3), 1.6), np.zeros(1, bool)

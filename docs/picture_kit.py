@@ -112,15 +112,6 @@ def picture(path: Path) -> np.ndarray:
     return read_image(path)[..., :3]
 
 
-def scaled(camera: Camera, factor: float) -> Camera:
-    """The same view with more pixels."""
-    return replace(
-        camera, width=round(camera.width * factor), height=round(camera.height * factor),
-        fx=camera.fx * factor, fy=camera.fy * factor,
-        cx=(camera.cx + 0.5) * factor - 0.5, cy=(camera.cy + 0.5) * factor - 0.5,
-    )  # fmt: skip
-
-
 def around(camera: Camera, mesh: Mesh, margin: int = 12) -> Camera:
     """The part of a view that shows the mesh."""
     x, y, _ = camera.project(mesh.vertices).T
