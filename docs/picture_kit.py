@@ -21,6 +21,7 @@ from meshlab_svbrdf.filters.generate_svbrdf_rendering import read_appearance
 from meshlab_svbrdf.geometry.camera import Camera
 from meshlab_svbrdf.geometry.mesh import Mesh
 from meshlab_svbrdf.rendering.acquisition import AcquisitionRenderer
+from meshlab_svbrdf.rendering.paths import framed
 from meshlab_svbrdf.samples.luminance import decode, to_srgb8
 
 mpl.use("Agg")
@@ -112,14 +113,9 @@ def picture(path: Path) -> np.ndarray:
     return read_image(path)[..., :3]
 
 
-def around(camera: Camera, mesh: Mesh, margin: int = 12) -> Camera:
+def around(camera: Camera, mesh: Mesh) -> Camera:
     """The part of a view that shows the mesh."""
-    x, y, _ = camera.project(mesh.vertices).T
-    left, right = int(x.min()) - margin, int(x.max()) + margin
-    top, bottom = int(y.min()) - margin, int(y.max()) + margin
-    return replace(
-        camera, width=right - left, height=bottom - top, cx=camera.cx - left, cy=camera.cy - top
-    )
+    return framed([camera], mesh.vertices)[0]
 
 
 def row_of_images(images: list[np.ndarray], titles: list[str], width: float = 9.0):

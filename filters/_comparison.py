@@ -15,7 +15,8 @@ from meshlab_svbrdf.document.images import read_mask
 from meshlab_svbrdf.document.project import RasterEntry
 from meshlab_svbrdf.errors import SvbrdfError
 from meshlab_svbrdf.rendering.acquisition import AcquisitionRenderer
-from meshlab_svbrdf.rendering.compare import channel_gain, error_colors, psnr, similarity
+from meshlab_svbrdf.rendering.colors import inferno
+from meshlab_svbrdf.rendering.compare import channel_gain, psnr, similarity
 from meshlab_svbrdf.rendering.sheet import Panel
 from meshlab_svbrdf.samples.luminance import decode, to_srgb8
 
@@ -27,6 +28,8 @@ FEW = 4
 """Frames that are taken where none is held out."""
 ERROR_TOP = 32
 """sRGB codes at which the picture of the error is brightest."""
+MARGIN = 0.04
+"""Around the object, of its size, in pictures."""
 WHOLE = 0.999
 """Coverage of a pixel that shows the object alone."""
 
@@ -126,21 +129,34 @@ def compare_frames(
         scale = 1 / top if top > 1e-4 else 0.0
         flat, _ = clusters.render(camera, supersampling)
         found = psnr(a[on], b[on]), similarity(a, b, on)
-        bar = error_colors(np.linspace(0, 1, 256), 1)
+        bar, box = inferno(np.linspace(0, 1, 256)), _around(object_)
         yield Compared(
             raster.label, raster.label in held, *found, times, int(on.sum()),
             [
-                Panel(to_srgb8(flat + around), "clusters"),
-                Panel(to_srgb8(times * matt + around), "diffuse"),
-                Panel(
-                    to_srgb8(gloss * scale + around),
-                    f"specular × {scale:.2g}" if scale else "no specular",
-                ),
-                Panel(rendered, f"rendering: {found[0]:.1f} dB, SSIM {found[1]:.3f}"),
-                Panel(np.where(object_[..., None], frame, np.uint8(grey)), raster.label),
-                Panel(error_colors(off, ERROR_TOP), "error", (bar, "0", str(ERROR_TOP))),
+                Panel(image[box], title, *scales)
+                for image, title, *scales in (
+                    (to_srgb8(flat + around), "clusters"),
+                    (to_srgb8(times * matt + around), "diffuse"),
+                    (
+                        to_srgb8(gloss * scale + around),
+                        f"specular, {scale:.2g} times" if scale else "no specular",
+                    ),
+                    (rendered, f"rendering: {found[0]:.1f} dB, SSIM {found[1]:.3f}"),
+                    (np.where(object_[..., None], frame, np.uint8(grey)), raster.label),
+                    (inferno(off / ERROR_TOP), "error", (bar, "0", str(ERROR_TOP))),
+                )
             ],
         )  # fmt: skip
+
+
+def _around(on: np.ndarray) -> tuple[slice, slice]:
+    """The part of an image (H, W) bool that holds all that is on, and a margin."""
+    rows, cols = (np.flatnonzero(on.any(axis)) for axis in (1, 0))
+    margin = max(int(MARGIN * max(np.ptp(rows), np.ptp(cols))), 1)
+    return (
+        slice(max(rows[0] - margin, 0), rows[-1] + margin + 1),
+        slice(max(cols[0] - margin, 0), cols[-1] + margin + 1),
+    )
 
 
 def _spread(rasters: Sequence[RasterEntry], most: int) -> list[RasterEntry]:

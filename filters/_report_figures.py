@@ -10,11 +10,14 @@ import numpy as np
 from meshlab_svbrdf.document.document import Document
 from meshlab_svbrdf.reflectance.density import highest_bell
 from meshlab_svbrdf.reflectance.labels import palette
+from meshlab_svbrdf.rendering.colors import viridis
 from meshlab_svbrdf.reporting.html import Html, figure, join, note, picture, section, table, tag
 from meshlab_svbrdf.reporting.plots import Series, chart, histogram
+from meshlab_svbrdf.samples.luminance import decode
 
 from ._materials import read_names
-from ._report_pictures import missing, swatch
+from ._matte import matte_texels
+from ._report_pictures import missing, shown, sides, swatch
 
 BLUE = "#3a6ea5"
 EXPOSURES = {"none": "not told", "exif": "from EXIF", "raster": "told in the project"}
@@ -28,17 +31,17 @@ def lights(document: Document) -> Html:
     said = missing(document, "environment", "generate_svbrdf_environment_map")
     if said is not None:
         return section(title, said)
-    shown = (document.folder / "environment.png").is_file()
-    image = document.image("environment", "png" if shown else "exr")
-    if not shown:
+    marked = (document.folder / "environment.png").is_file()
+    image = document.image("environment", "png" if marked else "exr")
+    if not marked:
         image = np.repeat(np.rint(255 * np.clip(image, 0, 1)).astype(np.uint8)[..., None], 3, -1)
     caption = (
         "Where light came from: latitude and longitude, world +Y at the top; lights are ringed."
     )
     parts.append(picture(image[..., :3], caption, 960))
-    if not document.has("lights"):
-        parts.append(missing(document, "lights", "compute_svbrdf_light_sources"))
-        return section(title, *parts)
+    said = missing(document, "lights", "compute_svbrdf_light_sources")
+    if said is not None:
+        return section(title, *parts, said)
     told = document.json("lights")
     rows = []
     for k, light in enumerate(told["lights"]):
@@ -137,6 +140,11 @@ def coverage(document: Document) -> Html:
         caption = f"median {np.median(known):.4g}, {known.min():.4g} to {known.max():.4g}"
         plots.append(figure(chart([bars], words, "% of texels"), caption))
         if name == "frames":
+            worn = matte_texels(document, decode(viridis(values / known.max()) / 255))
+            plots += [
+                picture(shown(worn, camera), f"{words}, 0 to {known.max():g}")
+                for camera in sides(document)[::2]
+            ]
             lines.append(f"{100 * (values > 0).mean():.1f} % of the texels are seen in some frame")
     if document.has("threshold"):
         observed = np.isfinite(document.attribute("threshold"))
@@ -188,22 +196,16 @@ def _densities(
     of_alpha: list[Series] = []
     for m in found:
         own, color = labels == m["id"], _css(colors.get(m["id"], np.zeros(3, np.uint8)))
-        bell = highest_bell(rho_s[own], alpha[own])
-        if bell is not None and np.isfinite(bell.density).all():
-            of_rho.append(Series(bell.x, bell.density, color, label=str(m["id"])))
-            shares = histogram(alpha[own], color, log=True)
-            if shares is not None:
-                middle = np.sqrt(shares.x[1:] * shares.x[:-1])
-                of_alpha.append(Series(middle, shares.y, color, label=str(m["id"])))
+        for series, values, others in ((of_rho, rho_s, alpha), (of_alpha, alpha, rho_s)):
+            bell = highest_bell(values[own], others[own])
+            if bell is not None and np.isfinite(bell.density).all():
+                series.append(Series(bell.x, bell.density, color, label=str(m["id"])))
         if m["observed"]:
             of_rho.append(Series(np.array([m["rho_s"]]), np.zeros(1), color, "mark"))
             of_alpha.append(Series(np.array([m["alpha"]]), np.zeros(1), color, "mark"))
-    for series, words, y in (
-        (of_rho, "ρs of single texels", "density of ln ρs"),
-        (of_alpha, "α of single texels", "% of texels"),
-    ):
+    for series, words in ((of_rho, "ρs of single texels"), (of_alpha, "α of single texels")):
         if any(s.kind == "line" for s in series):
-            drawn = chart(series, words, y, True)
+            drawn = chart(series, words, "density of its logarithm", True)
             made.append(figure(drawn, f"{words}; dashed: the material's"))
     return made
 

@@ -9,7 +9,7 @@ from meshlab_svbrdf.errors import SvbrdfError
 from meshlab_svbrdf.geometry.camera import Camera
 from meshlab_svbrdf.reflectance.labels import palette
 from meshlab_svbrdf.rendering.acquisition import AcquisitionRenderer
-from meshlab_svbrdf.rendering.paths import turntable, upward
+from meshlab_svbrdf.rendering.paths import framed, turntable, upward
 from meshlab_svbrdf.rendering.surface import SurfaceRenderer
 from meshlab_svbrdf.reporting.html import Html, figure, join, note, picture, section, table, tag
 from meshlab_svbrdf.reporting.plots import chart, histogram
@@ -21,8 +21,8 @@ from ._matte import matte
 from .generate_svbrdf_rendering import read_appearance
 
 SIDES = 4
-SIDE = 420
-"""Pixels of a picture of the object."""
+SIDE = 560
+"""Pixels of a picture of the object, before it is cut."""
 MAP = 380
 """Of a map."""
 GREY = 245
@@ -52,7 +52,7 @@ def object_views(document: Document) -> Html:
     if said is not None:
         return section(title, said)
     mesh = document.mesh()
-    cameras = _around(document)
+    cameras = sides(document)
     if document.has("material_specular"):
         looks, lights = read_appearance(document), read_lights(document)
         lit: SurfaceRenderer = AcquisitionRenderer(mesh, looks, lights)
@@ -60,8 +60,8 @@ def object_views(document: Document) -> Html:
     else:
         lit = matte(mesh, document.map("diffuse"))
         words = "Its diffuse colour; highlights were not estimated."
-    sides = [
-        picture(_shown(lit, camera), f"{360 * k // SIDES}°") for k, camera in enumerate(cameras)
+    turned = [
+        picture(shown(lit, camera), f"{360 * k // SIDES}°") for k, camera in enumerate(cameras)
     ]
     parts = []
     for name, caption in (
@@ -70,9 +70,9 @@ def object_views(document: Document) -> Html:
     ):  # fmt: skip
         if document.map_paths(name, "png"):
             worn = matte(mesh, [image[..., :3] for image in document.map(name, "png")])
-            parts.append(picture(_shown(worn, cameras[0]), caption))
+            parts.append(picture(shown(worn, cameras[0]), caption))
     return section(
-        title, note(words), tag("div", *sides, class_="strip"),
+        title, note(words), tag("div", *turned, class_="strip"),
         note("The first view in its maps (in colour scales bright is much, grey is unobserved)."),
         tag("div", *parts, class_="strip"),
     )  # fmt: skip
@@ -134,7 +134,7 @@ def _map(
 ) -> Html:  # fmt: skip
     known = np.isfinite(pixels) if pixels.ndim == 1 else np.isfinite(pixels).all(1)
     values = pixels[known].reshape(int(known.sum()), -1)
-    shown = [
+    images = [
         picture(each[..., :3], f"{title}{f', texture {k}' if k else ''}", MAP)
         for k, each in enumerate(document.map(image, "png"))
     ]
@@ -149,7 +149,7 @@ def _map(
     ends = f"{values.min():.3g} to {values.max():.3g}"
     caption = f"{len(values):,} texels; median {middle}; {ends}"
     return join(
-        [tag("h3", title), tag("div", *shown, figure(drawn, caption), class_="grid")]
+        [tag("h3", title), tag("div", *images, figure(drawn, caption), class_="grid")]
     )  # fmt: skip
 
 
@@ -162,9 +162,9 @@ def _labels(document: Document) -> Html:
         (join([swatch(color), str(k)]), f"{n:,}", f"{100 * n / len(labels):.1f} %")
         for k, n, color in zip(used, counts, colors, strict=True)
     ]
-    shown = [picture(i[..., :3], "Materials", MAP) for i in document.map("materials_shown", "png")]
+    images = [picture(i[..., :3], "Materials", MAP) for i in document.map("materials_shown", "png")]
     counted = table(("material", "texels", "of all"), rows)
-    return join([tag("h3", "Materials"), tag("div", *shown, counted, class_="grid")])
+    return join([tag("h3", "Materials"), tag("div", *images, counted, class_="grid")])
 
 
 def swatch(color: np.ndarray) -> Html:
@@ -173,7 +173,7 @@ def swatch(color: np.ndarray) -> Html:
     return tag("span", class_="swatch", style=f"background:{code}")
 
 
-def _around(document: Document) -> list[Camera]:
+def sides(document: Document) -> list[Camera]:
     """Cameras at four sides, upright as those of the film were held."""
     mesh, held = document.mesh(), [raster.camera for raster in document.project.rasters]
     R = np.diag([1.0, -1.0, -1.0])
@@ -181,9 +181,10 @@ def _around(document: Document) -> list[Camera]:
     up = upward(held) if held else np.array([0, 1.0, 0])
     focal, middle = 2.0 * SIDE, (SIDE - 1) / 2
     lens = Camera(SIDE, SIDE, focal, focal, middle, middle, first.R, first.t)
-    return turntable(lens, mesh.center, mesh.radius, up, SIDES)
+    return framed(turntable(lens, mesh.center, mesh.radius, up, SIDES), mesh.vertices)
 
 
-def _shown(renderer: SurfaceRenderer, camera: Camera) -> np.ndarray:
+def shown(renderer: SurfaceRenderer, camera: Camera) -> np.ndarray:
+    """A view on nearly white, (H, W, 3) uint8."""
     image, coverage = renderer.render(camera, 2)
     return to_srgb8(image + decode(np.array(GREY / 255)) * (1 - coverage[..., None]))

@@ -76,7 +76,7 @@ FILTER = Filter(
 
 def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
     wanted = views(document, parameters)
-    light = _illumination(document, parameters)
+    light = illumination(document, parameters)
     albedo = document.map("albedo")
     appearance = [
         replace(each, diffuse=own, sheen=None, harmonics=None)
@@ -91,7 +91,8 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
     return f"{render_views(renderer, wanted, parameters, progress)}, {len(light)} lights"
 
 
-def _illumination(document: Document, parameters: Namespace) -> Illumination:
+def illumination(document: Document, parameters: Namespace) -> Illumination:
+    """What shines, by the parameters; SvbrdfError where nothing does."""
     if parameters.lights is None and parameters.environment is None and not parameters.recovered:
         raise SvbrdfError("neither lights nor an environment is given: say what shines")
     parts = _recovered(document, parameters.directions) if parameters.recovered else []

@@ -32,7 +32,8 @@ def writing_video(path: str | Path, rate: int) -> Iterator[Callable[[np.ndarray]
 
         def append(picture: np.ndarray) -> None:
             height, width = (size - size % 2 for size in picture.shape[:2])
-            stream.width, stream.height = width, height
+            if not stream.codec_context.is_open:
+                stream.width, stream.height = width, height
             image = np.ascontiguousarray(picture[:height, :width])
             frame = av.VideoFrame.from_ndarray(image, format="rgb24")
             container.mux(

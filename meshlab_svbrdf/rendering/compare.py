@@ -1,8 +1,7 @@
-"""A rendering against the frame that it should be: in figures, and as a picture of the error."""
+"""A rendering against the frame that it should be: in figures."""
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
 from skimage.metrics import structural_similarity
 
@@ -43,10 +42,3 @@ def similarity(image: np.ndarray, truth: np.ndarray, on: np.ndarray) -> float:
         same, truth[box], channel_axis=2, data_range=1.0, full=True, win_size=WINDOW
     )
     return float(values.mean(-1)[on[box]].mean())
-
-
-def error_colors(error: np.ndarray, top: float) -> np.ndarray:
-    """An error (…) from 0, black, to `top`, bright yellow, as (…, 3) uint8."""
-    codes = np.rint(255 * np.clip(np.asarray(error) / top, 0, 1)).astype(np.uint8)
-    bgr = cv2.applyColorMap(np.arange(256, dtype=np.uint8), cv2.COLORMAP_INFERNO)
-    return bgr.reshape(256, 3)[:, ::-1][codes]

@@ -3,6 +3,7 @@
 upward      which way is up, from how cameras were held
 smooth_way  a film from one camera over others to the last
 turntable   a film around the object, which ends where it began
+framed      the part of views that shows the object
 """
 
 from __future__ import annotations
@@ -19,21 +20,23 @@ from ..reflectance.lights import tangents
 
 AIR = 1.1
 """Times the distance at which the object's sphere just fills the image."""
-TOGETHER = 0.05
-"""What the mean of the cameras' own upward directions counts against their horizons."""
+SPREAD = 0.02
+"""Mean square of the cameras' rows across their main direction (8° of the walk) that tells up."""
 
 
 def upward(cameras: Sequence[Camera]) -> np.ndarray:
     """The unit direction (3,) at right angles to the cameras' rows of pixels, on their upper side.
 
     Cameras that look down have no vertical column, but a horizontal row, if they are held straight.
-    Where their rows leave it open (all look the same way), the mean of their columns decides.
+    Where all look about the same way, the mean of their columns decides.
     """
     rows = np.array([camera.R[0] for camera in cameras])
     mean = -np.mean([camera.R[1] for camera in cameras], axis=0)
-    _, axes = np.linalg.eigh(rows.T @ rows / len(rows) - TOGETHER * np.outer(mean, mean))
-    up = axes[:, 0]
-    return up if up @ mean >= 0 else -up
+    spread, axes = np.linalg.eigh(rows.T @ rows / len(rows))
+    if spread[1] > SPREAD:
+        return axes[:, 0] if axes[:, 0] @ mean >= 0 else -axes[:, 0]
+    up = mean - (mean @ axes[:, 2]) * axes[:, 2]
+    return up / np.linalg.norm(up)
 
 
 def smooth_way(keys: Sequence[Camera], frames: int) -> list[Camera]:
@@ -54,8 +57,10 @@ def smooth_way(keys: Sequence[Camera], frames: int) -> list[Camera]:
     lens = np.array([[k.fx, k.fy, k.cx, k.cy] for k in keys])
     lenses = np.column_stack([np.interp(at, times, column) for column in lens.T])
     return [
-        Camera(keys[0].width, keys[0].height, *own.tolist(), R, -R @ center)
-        for own, R, center in zip(lenses, rotations(at).as_matrix(), centers, strict=True)
+        Camera(keys[0].width, keys[0].height, fx, fy, cx, cy, R, -R @ center)
+        for (fx, fy, cx, cy), R, center in zip(
+            lenses.tolist(), rotations(at).as_matrix(), centers, strict=True
+        )
     ]
 
 
@@ -92,3 +97,14 @@ def turntable(
         R = np.array([right, np.cross(right, out), -out])
         found.append(replace(middle, R=R, t=-R @ (center + distance * out)))
     return found
+
+
+def framed(cameras: Sequence[Camera], vertices: np.ndarray, margin: int = 12) -> list[Camera]:
+    """The cameras' images, cut (or widened) to one box in which the vertices (V, 3) lie in all of
+    them, and so many pixels around. Raises ValueError where a vertex is behind a camera."""
+    seen = np.concatenate([camera.project(vertices) for camera in cameras])
+    if not (seen[:, 2] > 0).all():
+        raise ValueError("a part of the object lies behind a camera")
+    left, top = (int(v) - margin for v in np.floor(seen[:, :2].min(0)))
+    right, bottom = (int(v) + margin + 1 for v in np.ceil(seen[:, :2].max(0)))
+    return [camera.cropped(left, top, right, bottom) for camera in cameras]

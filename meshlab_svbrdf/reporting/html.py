@@ -31,16 +31,16 @@ p { margin: .4rem 0; max-width: 46rem; }
 .grid { display: grid; gap: 1rem; margin: .8rem 0;
   grid-template-columns: repeat(auto-fill, minmax(min(100%, 21rem), 1fr)); }
 .strip { display: grid; gap: .5rem; margin: .8rem 0;
-  grid-template-columns: repeat(auto-fill, minmax(min(46%, 11rem), 1fr)); }
+  grid-template-columns: repeat(auto-fit, minmax(min(46%, 11rem), 1fr)); }
 figure { margin: 0; break-inside: avoid; }
 figure img, figure svg { display: block; width: 100%; height: auto; }
 figcaption { font-size: .82rem; color: var(--dim); margin-top: .2rem; }
 .wide { overflow-x: auto; margin: .6rem 0; }
 table { border-collapse: collapse; font-size: .86rem; font-variant-numeric: tabular-nums; }
 th, td { padding: .28rem .7rem .28rem 0; text-align: left; vertical-align: top;
-  border-bottom: 1px solid var(--line); overflow-wrap: normal; }
+  border-bottom: 1px solid var(--line); white-space: nowrap; }
 th { color: var(--dim); font-weight: 600; }
-td.long { min-width: 12rem; overflow-wrap: anywhere; }
+td.long { min-width: 15rem; white-space: normal; overflow-wrap: anywhere; }
 dl.facts { display: grid; grid-template-columns: repeat(auto-fill, minmax(8.5rem, 1fr));
   gap: .7rem; margin: 1.2rem 0; }
 dl.facts div { background: var(--tint); padding: .5rem .7rem; border-radius: .3rem; }
@@ -53,8 +53,9 @@ svg text { font: 11px system-ui, sans-serif; fill: var(--dim); }
 @media print {
   body { max-width: none; padding: 0; font-size: 10pt; }
   h2 { break-after: avoid; } h3 { break-after: avoid; } tr { break-inside: avoid; }
-  .grid { grid-template-columns: 1fr 1fr; } .strip { grid-template-columns: repeat(3, 1fr); }
-  .wide { overflow: visible; } table { font-size: 7.5pt; }
+  .grid { grid-template-columns: 1fr 1fr; } .strip { grid-template-columns: repeat(auto-fit, minmax(27mm, 1fr)); }
+  .wide { overflow: visible; } table { font-size: 7.5pt; } th { white-space: normal; }
+  td.long { min-width: 0; }
   * { -webkit-print-color-adjust: exact; print-color-adjust: exact; }
 }
 """
@@ -75,16 +76,16 @@ def escape(value: object) -> Html:
     return Html(html.escape(text))
 
 
-def tag(name: str, *children: object, **attributes: object) -> Html:
+def tag(element: str, /, *children: object, **attributes: object) -> Html:
     """An element. `class_` is class, `view_box` viewBox, other underscores are hyphens."""
     names = {"class_": "class", "view_box": "viewBox"}
     given = "".join(
         f' {names.get(key, key.replace("_", "-"))}="{escape(str(value))}"'
         for key, value in attributes.items()
     )
-    if name in VOID:
-        return Html(f"<{name}{given}/>")
-    return Html(f"<{name}{given}>{''.join(map(escape, children))}</{name}>")
+    if element in VOID:
+        return Html(f"<{element}{given}/>")
+    return Html(f"<{element}{given}>{''.join(map(escape, children))}</{element}>")
 
 
 def join(parts: Iterable[object]) -> Html:

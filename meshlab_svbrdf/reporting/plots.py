@@ -112,11 +112,11 @@ def _axes(place_x, place_y, span, top, log_x, x_label, y_label):
     for value in _log_ticks(*span) if log_x else ticks(*span):
         x = float(place_x(np.array([value]))[0])
         yield tag("line", x1=_n(x), x2=_n(x), y1=_n(base), y2=_n(base + 4), stroke="#8a9096")
-        yield tag("text", f"{value:g}", x=_n(x), y=_n(base + 16), text_anchor="middle")
+        yield tag("text", _told(value), x=_n(x), y=_n(base + 16), text_anchor="middle")
     for value in ticks(0, top, 4):
         y = float(place_y(np.array([value]))[0])
         yield tag("line", x1=LEFT, x2=WIDTH - RIGHT, y1=_n(y), y2=_n(y), stroke="#e3e6e8")
-        yield tag("text", f"{value:g}", x=LEFT - 6, y=_n(y + 4), text_anchor="end")
+        yield tag("text", _told(value), x=LEFT - 6, y=_n(y + 4), text_anchor="end")
     middle = LEFT + (WIDTH - LEFT - RIGHT) / 2
     yield tag("text", x_label, x=middle, y=HEIGHT - 4, text_anchor="middle")
     if y_label:
@@ -136,14 +136,20 @@ def ticks(low: float, high: float, most: int = 6) -> list[float]:
 
 
 def _log_ticks(low: float, high: float) -> list[float]:
-    """1, 2 and 5 of each power of ten between 10^low and 10^high; powers alone of a wide span."""
+    """1, 2 and 5 of each power of ten between 10^low and 10^high; powers alone of a wide span, even
+    steps of a narrow one."""
     digits = (1, 2, 5) if high - low < 2.5 else (1,)
     every = [
         float(f"{d * 10.0**e:.6g}")
         for e in range(int(np.floor(low)), int(np.ceil(high)) + 1)
         for d in digits
     ]
-    return [v for v in every if low - 1e-9 <= np.log10(v) <= high + 1e-9]
+    found = [v for v in every if low - 1e-9 <= np.log10(v) <= high + 1e-9]
+    return found if len(found) > 2 else ticks(10**low, 10**high, 4)
+
+
+def _told(value: float) -> str:
+    return f"{value / 1000:g}k" if abs(value) >= 10_000 else f"{value:g}"
 
 
 def _n(value: float) -> str:
