@@ -27,7 +27,7 @@ SHEET_WIDTH = 480
 FILTER = Filter(
     name="generate_svbrdf_comparison",
     title="SVBRDF: compare with frames",
-    needs=("mesh", "rasters", "texels", "materials", "material_specular"),
+    needs=("mesh", "texels", "samples", "materials", "material_specular"),
     parameters=(
         Parameter(
             "frames", "rasters", "",

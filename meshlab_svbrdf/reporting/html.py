@@ -53,7 +53,8 @@ svg text { font: 11px system-ui, sans-serif; fill: var(--dim); }
 @media print {
   body { max-width: none; padding: 0; font-size: 10pt; }
   h2 { break-after: avoid; } h3 { break-after: avoid; } tr { break-inside: avoid; }
-  .grid { grid-template-columns: 1fr 1fr; } .strip { grid-template-columns: repeat(auto-fit, minmax(27mm, 1fr)); }
+  .grid { grid-template-columns: 1fr 1fr; }
+  .strip { grid-template-columns: repeat(auto-fit, minmax(27mm, 1fr)); }
   .wide { overflow: visible; } table { font-size: 7.5pt; } th { white-space: normal; }
   td.long { min-width: 0; }
   * { -webkit-print-color-adjust: exact; print-color-adjust: exact; }
