@@ -176,13 +176,16 @@ def _times(
             lens = Camera(columns, rows, 2.0 * rows, 2.0 * rows, 0, 0, R, -R @ (mesh.center - R[2]))
             around = turntable(lens, mesh.center, mesh.radius, np.array([0, 1.0, 0]), TURNS + 1)
             renderer.render(around[0], rays)
-            begun = time.perf_counter()
+            begun, cpu = time.perf_counter(), time.process_time()
             for camera in around[1:]:
                 renderer.render(camera, rays)
-            seconds = (time.perf_counter() - begun) / TURNS
+            seconds, cpu = time.perf_counter() - begun, time.process_time() - cpu
             found.append(
-                {"light": light, "size": size, "setting_up": setting_up, "seconds": seconds}
-            )
+                {
+                    "light": light, "size": size, "setting_up": setting_up,
+                    "seconds": seconds / TURNS, "cpu_seconds": cpu / TURNS,
+                }
+            )  # fmt: skip
     return found
 
 
@@ -208,9 +211,10 @@ def _time_table(rows: Sequence[Row]) -> Table:
             f"{row['scene']}, {row['faces']:,} triangles", each["light"],
             f"{each['size']}, {SIZES[each['size']][0]}×{SIZES[each['size']][1]}",
             f"{1000 * each['setting_up']:.0f}", f"{1000 * each['seconds']:.0f}",
+            f"{1000 * each['cpu_seconds']:.0f}",
         ]
         for row in rows for each in row["times"]
     ]  # fmt: skip
-    headings = ["object", "light", "picture", "once, ms", "ms a picture"]
+    headings = ["object", "light", "picture", "once, ms", "ms a picture", "CPU ms"]
     rays = ", ".join(f"{name} {s * s}" for name, (_, _, s) in SIZES.items())
     return Table("Time of a picture", headings, cells, (f"Rays per pixel: {rays}.",))
