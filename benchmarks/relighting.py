@@ -141,7 +141,9 @@ def _times_of_workload(texture: int, cache: Path | None, options: Options, folde
     workload = make_workload(cache, 0, options)
     mesh, texels = workload.scene.mesh, workload.texels(texture)
     D, kind = workload.scene.truth(texels)
-    rho_s, alpha = (np.array(column)[kind] for column in list(zip(*MATERIALS, strict=True))[1:])
+    rho_s, alpha = (
+        np.array(column, float)[kind] for column in list(zip(*MATERIALS, strict=True))[1:]
+    )
     (diffuse,), (strength,), (shape,) = map(texels.to_images, (D, rho_s, alpha))
     looks = [Appearance(diffuse, strength, shape, np.ones_like(diffuse))]
     lights = []

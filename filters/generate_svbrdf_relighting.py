@@ -13,6 +13,7 @@ from meshlab_svbrdf.document.light_files import LightEntry, read_light_file
 from meshlab_svbrdf.errors import SvbrdfError
 from meshlab_svbrdf.filter import Filter, Namespace, Parameter
 from meshlab_svbrdf.progress import Progress
+from meshlab_svbrdf.reflectance.directions import solid_angles
 from meshlab_svbrdf.rendering.environment_lights import (
     LIGHTS,
     Illumination,
@@ -95,7 +96,7 @@ def illumination(document: Document, parameters: Namespace) -> Illumination:
     """What shines, by the parameters; SvbrdfError where nothing does."""
     if parameters.lights is None and parameters.environment is None and not parameters.recovered:
         raise SvbrdfError("neither lights nor an environment is given: say what shines")
-    parts = _recovered(document, parameters.directions) if parameters.recovered else []
+    parts = [_recovered(document, parameters.directions)] if parameters.recovered else []
     if parameters.lights is not None:
         lights = read_light_file(parameters.lights)
         parts.append(_lamps(document, lights.lamps))
@@ -116,16 +117,16 @@ def illumination(document: Document, parameters: Namespace) -> Illumination:
     return replace(light, color=light.color * 2.0**parameters.exposure)
 
 
-def _recovered(document: Document, directions: int) -> list[Illumination]:
+def _recovered(document: Document, directions: int) -> Illumination:
     """The recovered map, its energy that of the lamps, and the ambient light where it is known."""
-    radiance = np.repeat(document.array("environment_radiance").astype(float)[..., None], 3, -1)
-    light = cut_environment(radiance, directions)
-    if not len(light):
+    radiance = np.maximum(document.array("environment_radiance").astype(float), 0)
+    energy = (radiance * solid_angles(len(radiance))).sum() / np.pi
+    if not energy > 0:
         raise SvbrdfError("the recovered environment map is black: give lights or an environment")
-    gain = sum(lamp.gain for lamp in read_lights(document)) / light.color[:, 0].sum()
+    gain = sum(lamp.gain for lamp in read_lights(document)) / energy
     ambient = document.json("lights")["ambient"]
-    found = [replace(light, color=light.color * gain)]
-    return found if ambient is None else [*found, uniform_light(np.array(ambient), directions)]
+    around = np.zeros(3) if ambient is None else np.array(ambient, float)
+    return cut_environment(gain * radiance[..., None] + around, directions)
 
 
 def _lamps(document: Document, entries: Sequence[LightEntry]) -> Illumination:
