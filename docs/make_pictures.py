@@ -367,10 +367,10 @@ PICTURES = (
 
 @contextmanager
 def sample_result() -> Iterator[Path]:
-    """A run of the sample project with all that pictures show."""
+    """A run of the sample project on all frames, with all that pictures show."""
     with tempfile.TemporaryDirectory() as folder:
         document = Document.open(SAMPLE / "totem.mlp", folder)
-        for outcome in run_script(document, chain()):
+        for outcome in run_script(document, chain(preset="full")):
             print(f"{outcome.name}: {outcome.message}")
         for name in ("compute_svbrdf_texel_specular", "compute_svbrdf_albedo"):
             print(f"{name}: {document.apply(name).message}")
