@@ -80,7 +80,8 @@ def chosen_frames(document: Document, labels: str, most: int) -> tuple[list[Rast
         some = _spread(held, most)
         return some, f"held out: {len(some)} of {len(held)}, which no stage has seen"
     used = {frame["label"] for frame in document.json("frames")["frames"] if "samples" in frame}
-    some = _spread([raster for raster in document.rasters if raster.label in used], FEW)
+    own = [raster for raster in document.rasters if raster.label in used]
+    some = _spread(own, min(most, FEW))
     if not some:
         raise SvbrdfError("no frame was used for this result that could be compared with it")
     return some, "evenly spaced frames that the result was made from: none is held out"

@@ -124,7 +124,9 @@ def coverage(document: Document) -> Html:
     said = missing(document, "samples", "compute_svbrdf_samples")
     if said is not None:
         return section(title, said)
-    plots, lines = [], []
+    plots: list[Html] = []
+    views: list[Html] = []
+    lines = []
     for name, words in (
         ("frames", "frames in which a texel is seen"),
         ("samples", "samples good enough for the threshold"),
@@ -141,7 +143,7 @@ def coverage(document: Document) -> Html:
         plots.append(figure(chart([bars], words, "% of texels"), caption))
         if name == "frames":
             worn = matte_texels(document, decode(viridis(values / known.max()) / 255))
-            plots += [
+            views += [
                 picture(shown(worn, camera), f"{words}, 0 to {known.max():g}")
                 for camera in sides(document)[::2]
             ]
@@ -149,7 +151,10 @@ def coverage(document: Document) -> Html:
     if document.has("threshold"):
         observed = np.isfinite(document.attribute("threshold"))
         lines.append(f"{100 * observed.mean():.1f} % are observed: seen in 8 frames or more")
-    return section(title, note("; ".join(lines) + "."), tag("div", *plots, class_="grid"))
+    return section(
+        title, note("; ".join(lines) + "."), tag("div", *plots, class_="grid"),
+        tag("div", *views, class_="strip few"),
+    )  # fmt: skip
 
 
 def residuals(document: Document) -> Html:

@@ -32,6 +32,7 @@ p { margin: .4rem 0; max-width: 46rem; }
   grid-template-columns: repeat(auto-fill, minmax(min(100%, 21rem), 1fr)); }
 .strip { display: grid; gap: .5rem; margin: .8rem 0;
   grid-template-columns: repeat(auto-fit, minmax(min(46%, 11rem), 1fr)); }
+.few { max-width: 32rem; }
 figure { margin: 0; break-inside: avoid; }
 figure img, figure svg { display: block; width: 100%; height: auto; }
 figcaption { font-size: .82rem; color: var(--dim); margin-top: .2rem; }
@@ -52,7 +53,7 @@ svg text { font: 11px system-ui, sans-serif; fill: var(--dim); }
 @page { size: A4; margin: 15mm 14mm; }
 @media print {
   body { max-width: none; padding: 0; font-size: 10pt; }
-  h2 { break-after: avoid; } h3 { break-after: avoid; } tr { break-inside: avoid; }
+  h2, h2 + p, h3 { break-after: avoid; } tr { break-inside: avoid; }
   .grid { grid-template-columns: 1fr 1fr; }
   .strip { grid-template-columns: repeat(auto-fit, minmax(27mm, 1fr)); }
   .wide { overflow: visible; } table { font-size: 7.5pt; } th { white-space: normal; }
