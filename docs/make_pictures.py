@@ -285,7 +285,7 @@ def compared(scene: Scene) -> None:
     """The sheet of `meshlab-svbrdf compare`, of two held-out views."""
     found = scene.compared([scene.held_out[1], scene.held_out[3]])
     image = sheet([[small(panel, 260) for panel in each.panels] for each in found])
-    keep(image, "comparison.png")
+    keep(image, "comparison.jpg")
 
 
 def walk(scene: Scene) -> None:
@@ -302,7 +302,7 @@ def report(scene: Scene) -> None:
 
     browser = shutil.which("chromium") or shutil.which("google-chrome")
     if browser is None:
-        print("report.png: left out, there is no Chromium on the PATH")
+        print("report.jpg: left out, there is no Chromium on the PATH")
         return
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as play:
         page, shot = Path(folder) / "totem.html", Path(folder) / "shot.png"
@@ -312,7 +312,7 @@ def report(scene: Scene) -> None:
         view.goto(page.as_uri())
         view.screenshot(path=shot)
         opened.close()
-        keep(read_image(shot)[..., :3], "report.png")
+        keep(read_image(shot)[..., :3], "report.jpg")
 
 
 def threshold(scene: Scene) -> None:

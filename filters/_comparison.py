@@ -142,9 +142,12 @@ def compare_frames(
                         to_srgb8(gloss * scale + around),
                         f"specular, {scale:.2g} times" if scale else "no specular",
                     ),
-                    (rendered, f"rendering: {found[0]:.1f} dB, SSIM {found[1]:.3f}"),
+                    (rendered, f"rendering, {found[0]:.1f} dB"),
                     (np.where(object_[..., None], frame, np.uint8(grey)), raster.label),
-                    (inferno(off / ERROR_TOP), "error", (bar, "0", str(ERROR_TOP))),
+                    (
+                        inferno(off / ERROR_TOP),
+                        f"error, SSIM {found[1]:.3f}", (bar, "0", str(ERROR_TOP)),
+                    ),
                 )
             ],
         )  # fmt: skip

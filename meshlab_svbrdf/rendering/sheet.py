@@ -40,7 +40,8 @@ def _row(panels: Sequence[Panel]) -> np.ndarray:
     if len(heights) > 1:
         raise ValueError(f"panels of a row have one height, found {sorted(heights)}")
     height = heights.pop()
-    letters = int(np.clip(height / 22, 10, 22))
+    narrowest = min(panel.image.shape[1] for panel in panels)
+    letters = int(np.clip(min(height / 22, narrowest / 11), 10, 22))
     font, head = ImageFont.load_default(letters), 2 * letters
     ticks = [
         max(font.getlength(text) for text in panel.scale[1:]) + BAR + 3 * GAP if panel.scale else 0
