@@ -153,10 +153,10 @@ def _times_of_workload(texture: int, cache: Path | None, options: Options, folde
         lights.append(
             Light(away / distance, np.eye(2) * 1e-3, gain / distance**2, mesh.radius / distance)
         )
-    up = np.maximum(directions(64)[..., 1:], 0) * [0.4, 0.5, 0.8]
+    sky = cut_environment(np.maximum(directions(64)[..., 1:2], 0) * [0.4, 0.5, 0.8])
     return {
         "faces": len(mesh.faces),
-        "times": _times(mesh, looks, lights, looks, cut_environment(up)),
+        "times": _times(mesh, looks, lights, looks, sky),
     }
 
 
