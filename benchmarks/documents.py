@@ -6,13 +6,14 @@ from collections.abc import Mapping, Sequence
 
 from meshlab_svbrdf.presets import PRESETS
 
-from . import ablation, accuracy, export, performance, photographs, timing
+from . import ablation, accuracy, export, performance, photographs, relighting, timing
 from .ledger import ROOT, Row
 from .plot import time_plot
 from .tables import Column, Table, splice, table
 
 PAGE, README = ROOT / "docs" / "accuracy.md", ROOT / "README.md"
 SPEED = ROOT / "docs" / "performance.md"
+RELIT = {"relighting": ROOT / "docs" / "albedo.md", "rendering": ROOT / "docs" / "rendering.md"}
 PICTURE = ROOT / "docs" / "images" / "accuracy_time.png"
 EXPORT = ROOT / "docs" / "export.md"
 EXPORT_PICTURE = ROOT / "docs" / "images" / "export.png"
@@ -29,8 +30,7 @@ SHORT = (
 
 
 def write_documents(rows: Mapping[str, Sequence[Row]]) -> None:
-    """Fill the parts of docs/accuracy.md, export.md, performance.md and README.md that `rows` has
-    figures for."""
+    """Fill the parts of the pages of docs/ and of README.md that `rows` has figures for."""
     splice(PAGE, "presets", presets_table())
     for part in PARTS:
         own = rows.get(part.PART)
@@ -45,6 +45,9 @@ def write_documents(rows: Mapping[str, Sequence[Row]]) -> None:
         splice(SPEED, performance.PART, text)
         if paper := performance.paper_table(own):
             splice(README, performance.PART, paper.markdown())
+    if own := rows.get(relighting.PART):
+        for (name, page), each in zip(RELIT.items(), relighting.tables(own), strict=False):
+            splice(page, name, each.markdown())
     measured = timing.over_time(r for r in rows.get(timing.PART, ()) if "error" not in r)
     if measured:
         time_plot(measured, PICTURE)

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from .commands import ALBEDO, _friendly, _stages
-from .document.document import Document
-from .errors import SvbrdfError
+from .commands import _friendly, _stages
+from .commands_show import _divide_light, _finished
 
 EXPORT = "generate_svbrdf_export"
 
@@ -17,12 +16,7 @@ def export(
 ) -> None:  # fmt: skip
     """Write the object for other programs; without lamps its colour can only be the shaded one."""
     with _friendly():
-        document = Document.open(project)
-        if not document.has("material_specular"):
-            raise SvbrdfError(
-                f"{project} has no results to export: make them with "
-                f"`meshlab-svbrdf run {project} -o out` and export out/{project.name}"
-            )
+        document = _finished(project, "export")
         shaded = shaded or not document.json("lights")["lights"]
         parameters = {
             "folder": str(output.absolute()),
@@ -35,5 +29,5 @@ def export(
         }
         with _stages(as_json) as (say, show):
             if not shaded:
-                say(document.apply(ALBEDO, False, show("albedo")))
+                _divide_light(document, say, show, {})
             say(document.apply(EXPORT, False, show("export"), **parameters))
