@@ -9,6 +9,7 @@
     python -m benchmarks registration             cameras of films and photographs
     python -m benchmarks export                   what other programs show of a result
     python -m benchmarks relighting               other light, and the time of a picture
+    python -m benchmarks stability [--scene extremes|files|interrupted]
     python -m benchmarks --all --docs             everything, into the documentation
 
 Scenes are rendered once into the cache. Every row is kept in --out as soon as it is there; the same
@@ -44,10 +45,12 @@ from .ledger import Ledger, Row, Task
 from .scenes.catalogue import SCENES
 from .scenes.make import cache_folder
 from .solve import warm_up
+from .stability import part as stability
 
 SLOW = "mitsuba"  # this peer is compared over time, on one scene
 _PARTS = (
     accuracy, timing, ablation, photographs, performance, registration, export, relighting,
+    stability,
 )  # fmt: skip
 PARTS = {part.PART: part for part in _PARTS}
 
@@ -62,7 +65,7 @@ def main() -> None:
         tasks, notes = wanted(arguments, ledger)
         for note in notes:
             print(note, file=sys.stderr)
-        if ledger.todo(tasks):
+        if any(task.part != stability.PART for task in ledger.todo(tasks)):
             warm_up(ledger.work / "warm_up")
         rows = ledger.rows(tasks)
     finally:
@@ -120,6 +123,8 @@ def wanted(arguments: argparse.Namespace, ledger: Ledger) -> tuple[list[Task], l
         notes.extend(missing)
     if relighting.PART in parts:
         tasks += relighting.tasks(ledger, cases([LONG]), size or 1024, arguments.cache)
+    if stability.PART in parts:
+        tasks += stability.tasks(arguments.scene)
     return tasks, list(dict.fromkeys(notes))
 
 

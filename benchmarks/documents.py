@@ -9,11 +9,13 @@ from meshlab_svbrdf.presets import PRESETS
 from . import ablation, accuracy, export, performance, photographs, relighting, timing
 from .ledger import ROOT, Row
 from .plot import time_plot
+from .stability import part as stability
 from .tables import Column, Table, splice, table
 
 PAGE, README = ROOT / "docs" / "accuracy.md", ROOT / "README.md"
 SPEED = ROOT / "docs" / "performance.md"
 RELIT = {"relighting": ROOT / "docs" / "albedo.md", "rendering": ROOT / "docs" / "rendering.md"}
+STABILITY = ROOT / "docs" / "stability.md"
 PICTURE = ROOT / "docs" / "images" / "accuracy_time.png"
 EXPORT = ROOT / "docs" / "export.md"
 EXPORT_PICTURE = ROOT / "docs" / "images" / "export.png"
@@ -48,6 +50,10 @@ def write_documents(rows: Mapping[str, Sequence[Row]]) -> None:
     if own := rows.get(relighting.PART):
         for (name, page), each in zip(RELIT.items(), relighting.tables(own), strict=False):
             splice(page, name, each.markdown())
+    if own := rows.get(stability.PART):
+        for row in own:
+            text = "\n\n".join(each.markdown() for each in stability.tables([row]))
+            splice(STABILITY, f"{row['scene']}, {row['name']}", text)
     measured = timing.over_time(r for r in rows.get(timing.PART, ()) if "error" not in r)
     if measured:
         time_plot(measured, PICTURE)

@@ -29,6 +29,7 @@ from meshlab_svbrdf.samples.capture import (
 )
 from meshlab_svbrdf.samples.choose_frames import choose_frames, run_order
 
+FEWEST = 8  # frames of a sequence that no spacing goes below: fewer samples observe no texel
 TRIED = 8  # frames whose texels are counted, to know what all will need
 
 
@@ -61,8 +62,11 @@ def choose(document: Document, parameters: Namespace, mesh: Mesh) -> Choice:
     # Use every n-th
     nth = parameters.step
     if parameters.spacing > 0:
-        apart = median_step([r.camera for r in rasters], [r.sequence for r in rasters], mesh.center)
-        nth *= max(1, int(parameters.spacing / (nth * apart) + 1e-6)) if apart > 0 else 1
+        steps = _steps([r.camera for r in rasters], [r.sequence for r in rasters], mesh.center)
+        # Where a film mostly stands still, the median step is not how far it goes when it goes
+        apart = max(np.median(steps), 0.5 * np.quantile(steps, 0.9)) if len(steps) else 0.0
+        n = max(1, int(parameters.spacing / (nth * apart) + 1e-6)) if apart > 0 else 1
+        nth *= min(n, max(1, max(seen_so_far.values()) // (nth * FEWEST)))
     left_out = {r.label: f"one frame in {nth} is used" for r in rasters if places[r.label] % nth}
     order = {label: place // nth for label, place in places.items()}
     said = f", one in {nth}" if nth > 1 else ""
@@ -159,8 +163,14 @@ def check_space(
 
 def median_step(cameras: list[Camera], sequences: list[str], center: np.ndarray) -> float:
     """Degrees between a frame's view of the centre and the next one's, the median."""
+    steps = _steps(cameras, sequences, center)
+    return float(np.median(steps)) if len(steps) else 0.0
+
+
+def _steps(cameras: list[Camera], sequences: list[str], center: np.ndarray) -> np.ndarray:
+    """Degrees between neighbours of each sequence, as seen from the centre."""
     views = np.array([c.center - center for c in cameras])
     views /= np.maximum(np.linalg.norm(views, axis=1, keepdims=True), 1e-30)
     same = np.array([a == b for a, b in pairwise(sequences)], bool)
     cos = np.einsum("ij,ij->i", views[:-1], views[1:])[same]
-    return float(np.degrees(np.median(np.arccos(np.clip(cos, -1, 1))))) if len(cos) else 0.0
+    return np.degrees(np.arccos(np.clip(cos, -1, 1)))

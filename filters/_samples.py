@@ -6,10 +6,12 @@ import logging
 from pathlib import Path
 
 from meshlab_svbrdf import registry
+from meshlab_svbrdf.document.atomic import named
 from meshlab_svbrdf.document.document import Document, raster_digest
 from meshlab_svbrdf.document.frames import Frames
 from meshlab_svbrdf.document.project import RasterEntry
 from meshlab_svbrdf.document.record import digest
+from meshlab_svbrdf.errors import DocumentError
 from meshlab_svbrdf.filter import Namespace
 from meshlab_svbrdf.geometry.mesh import Mesh
 from meshlab_svbrdf.geometry.texels import Texels
@@ -18,6 +20,7 @@ from meshlab_svbrdf.samples.store import SampleStore, write_store
 from ._frames import check_space, frame_sampler, read_reduced
 
 SAMPLES = "compute_svbrdf_samples"
+UNREADABLE = (OSError, ValueError, KeyError, TypeError)  # of a store that is cut off or damaged
 
 log = logging.getLogger("meshlab_svbrdf")
 
@@ -40,7 +43,7 @@ def project_frames(
         return sampler.sample(cameras[index], image, mask)
 
     basis = [document.key("texels"), *vars(sampler.quality).values(), sampler.reference_depth]
-    with Frames(rasters) as frames:
+    with Frames(rasters) as frames, named(folder or Path()):
         names = [digest([*basis, reduce, raster_digest([raster], frames)]) for raster in rasters]
         return write_store(
             folder, len(texels), len(rasters), sample, names=names,
@@ -56,7 +59,13 @@ def read_samples(document: Document, mesh: Mesh, rasters: list[RasterEntry]) -> 
         return held
     run = document.results.record["runs"].get(SAMPLES, {}).get("parameters", {})
     if run.get("store", "disk") == "disk":
-        return SampleStore.open(document.result_folder("samples"))
+        folder = document.result_folder("samples")
+        try:
+            return SampleStore.open(folder)
+        except UNREADABLE as error:
+            raise DocumentError(
+                f"{folder}: the samples are damaged ({error}): run {SAMPLES} again with --force"
+            ) from None
     log.warning("the samples were not kept (store=memory): the frames are projected again")
     store = project_frames(
         document, mesh, document.texels(), rasters, registry.get(SAMPLES).check(run),
@@ -72,6 +81,6 @@ def _readable(folders: list[Path]) -> list[SampleStore]:
     for folder in folders:
         try:
             found.append(SampleStore.open(folder))
-        except (OSError, ValueError, KeyError, TypeError):
+        except UNREADABLE:
             continue
     return found

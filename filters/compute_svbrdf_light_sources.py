@@ -12,6 +12,9 @@ from meshlab_svbrdf.reflectance.lights import lights_by_median_cut, lights_by_pe
 
 from ._lights import set_lights
 
+MOST = 32
+"""Lights that are kept: more are noise, and each adds four unknowns to every later fit."""
+
 FILTER = Filter(
     name="compute_svbrdf_light_sources",
     title="SVBRDF: light sources",
@@ -59,6 +62,8 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
         )
     else:
         lights = lights_by_median_cut(environment, parameters.count, parameters.minimum_energy)
+    found = len(lights)
+    lights = lights[:MOST]
     document.set_json(
         "lights_found",
         {
@@ -75,4 +80,9 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
     set_lights(document, lights, environment.probability)
     if not lights:
         return "no light found: nothing is brighter than the threshold"
-    return f"{len(lights)} found"
+    if found > MOST:
+        return (
+            f"{found} found, the strongest {MOST} kept: the map is noise rather than lamps; film "
+            "brighter, or raise level"
+        )
+    return f"{found} found"

@@ -15,6 +15,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+import cv2
 import typer
 from rich.console import Console
 from rich.logging import RichHandler
@@ -138,6 +139,8 @@ def info(project: Path, as_json: bool) -> None:
         for video in told["videos"]:
             problem = f" ({video['problem']})" if video["problem"] else ""
             typer.echo(f"video    {video['file']}: {video['frames']} of the rasters{problem}")
+        for folder, count in told["outside"].items():
+            typer.echo(f"outside  {folder}: {count} files of the project, which are only read")
         for label in told["held_out_labels"]:
             typer.echo(f"held out {label}")
         typer.echo(f"results  {told['results']}{'' if told['products'] else ': none yet'}")
@@ -246,7 +249,8 @@ def _stages(as_json: bool, document: Document | None = None) -> Iterator[tuple[A
 
 @contextmanager
 def _friendly() -> Iterator[None]:
-    """Errors of the input become one message and exit code 1, an interruption 130."""
+    """Errors of the input, and lack of memory or of room on the disk, become one message and exit
+    code 1, an interruption 130."""
     log = logging.getLogger("meshlab_svbrdf")
     handler = RichHandler(console=errors, show_time=False, show_path=False, markup=False)
     log.addHandler(handler)
@@ -259,13 +263,33 @@ def _friendly() -> Iterator[None]:
                 f"{error.filename}: {error.strerror}; see to its permissions and the free space, "
                 "or give another place with -o"
             )
-        errors.print(f"Error: {text}", style="red", markup=False, highlight=False, soft_wrap=True)
+        _say_error(text)
+        raise typer.Exit(1) from None
+    except (MemoryError, RuntimeError, cv2.error) as error:
+        if not _out_of_memory(error):
+            raise
+        _say_error(
+            "there is not enough memory: use a smaller texture (--texture-size), fewer frames "
+            "(--set compute_svbrdf_samples.frames=120) or --preset draft, or end other programs; "
+            "finished stages are kept"
+        )
         raise typer.Exit(1) from None
     except KeyboardInterrupt:
         errors.print("Interrupted; finished stages are kept, the same command goes on from there.")
         raise typer.Exit(130) from None
     finally:
         log.removeHandler(handler)
+
+
+def _say_error(text: str) -> None:
+    errors.print(f"Error: {text}", style="red", markup=False, highlight=False, soft_wrap=True)
+
+
+def _out_of_memory(error: Exception) -> bool:
+    """Whether an error of the libraries means that memory, or room for threads, has run out."""
+    if isinstance(error, cv2.error):
+        return error.code == cv2.Error.StsNoMem
+    return isinstance(error, MemoryError) or "can't start new thread" in str(error)
 
 
 def _name_value(text: str) -> tuple[str, str]:
@@ -295,12 +319,25 @@ def _tell(document: Document) -> dict[str, Any]:
         "layers": layers,
         "rasters": len(document.project.rasters),
         "videos": _videos(document),
+        "outside": _outside(document),
         "held_out": len(document.held_out),
         "held_out_labels": [raster.label for raster in document.held_out],
         "results": str(document.folder),
         "products": products,
         "materials": _named(document) if has_materials else [],
     }
+
+
+def _outside(document: Document) -> dict[str, int]:
+    """Folders that do not lie beside the project or below, and how many of its files they hold."""
+    rasters = document.project.rasters
+    frames = Frames(rasters)
+    files = {frames.file(raster) for raster in rasters}
+    files |= {path for each in rasters if (path := each.mask) is not None}
+    files |= {path for layer in document.layers if (path := layer.path) is not None}
+    here = document.path.parent.resolve()
+    away = (path.parent for path in files if not path.resolve().is_relative_to(here))
+    return {str(folder): count for folder, count in sorted(Counter(away).items())}
 
 
 def _videos(document: Document) -> list[dict[str, Any]]:

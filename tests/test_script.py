@@ -74,6 +74,9 @@ def test_other_xml_and_no_xml_are_refused(tmp_path):
     path.write_text("<MeshLabProject/>")
     with pytest.raises(SvbrdfError, match="expected <FilterScript>, found <MeshLabProject>"):
         read_script(path)
+    path.write_text("<FilterScript>" + "<a>" * 99_999)
+    with pytest.raises(DocumentError, match=r"x\.mlx, line 1: <a> lies in 100 other elements"):
+        read_script(path)
     path.write_text("<FilterScript>")
     with pytest.raises(DocumentError, match="not well-formed"):
         read_script(path)

@@ -60,7 +60,7 @@ def read_bundle(path: Path, sizes: Sizes) -> Reconstruction:
         where = f"{path}: point {index}"
         cloud.append(numbers.take(3, where))
         numbers.take(3, where)
-        numbers.take(4 * int(numbers.take(1, where)[0]), where)
+        numbers.take(4 * numbers.count(where), where)
     return Reconstruction(path, found, np.array(cloud).reshape(-1, 3))
 
 
@@ -75,15 +75,23 @@ class _Numbers:
         self.words = rest.split()
 
     def counts(self) -> tuple[int, int]:
-        cameras, points = self.take(2, f"{self.path}, line 2")
-        if cameras < 0 or points < 0 or cameras != int(cameras) or points != int(points):
-            raise DocumentError(f"{self.path}, line 2: expected two counts")
-        return int(cameras), int(points)
+        where = f"{self.path}, line 2"
+        cameras, points = self.take(2, where)
+        return self._count(cameras, where), self._count(points, where)
+
+    def count(self, where: str) -> int:
+        """How many of something follow."""
+        return self._count(self.take(1, where)[0], where)
+
+    def _count(self, number: float, where: str) -> int:
+        if not 0 <= number < 1e18 or number != int(number):
+            raise DocumentError(f"{where}: expected a count, found {number:g}")
+        return int(number)
 
     def take(self, count: int, where: str) -> np.ndarray:
         words = self.words[self.at : self.at + count]
         self.at += count
-        if count < 0 or len(words) < count:
+        if len(words) < count:
             raise DocumentError(f"{where}: the file is cut off; copy it again")
         try:
             return np.array([float(word) for word in words])

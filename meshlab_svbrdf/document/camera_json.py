@@ -10,7 +10,6 @@ left out. "frames" or "views" may stand for "cameras", and "file" for "image".
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -20,17 +19,15 @@ from ..errors import DocumentError
 from ..geometry.camera import Camera
 from ..geometry.lens import Lens
 from .project import read_project
-from .reconstruction import ForeignCamera, Reconstruction, checked_lens, checked_pose, read_text
+from .reconstruction import ForeignCamera, Reconstruction, checked_lens, checked_pose
+from .stored import read_json
 
 LISTS = ("cameras", "frames", "views")
 
 
 def read_cameras(path: Path) -> Reconstruction:
     """The cameras of the JSON file; `DocumentError` names the entry that is wrong."""
-    try:
-        content = json.loads(read_text(path))
-    except ValueError as error:
-        raise DocumentError(f"{path}: is no JSON ({error})") from None
+    content = read_json(path)
     name = next((n for n in LISTS if isinstance(content, dict) and n in content), None)
     if name is None or not isinstance(content[name], list):
         raise DocumentError(f'{path}: expected {{"cameras": [...]}}')

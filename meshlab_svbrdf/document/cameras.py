@@ -30,6 +30,7 @@ COUNTS = {
     "RotationMatrix": (16,),
     "TranslationVector": (3, 4),  # raw 3, as text with a 1 behind
 }
+MOST_PIXELS = 1 << 30  # that OpenCV decodes
 ROTATION_TOLERANCE = 1e-4  # six written digits leave 1e-6; 1e-4 moves no sample by a pixel
 
 
@@ -81,6 +82,11 @@ def read_camera(element: Element, where: str) -> Camera:
         raise DocumentError(
             f"{where}: the camera is not calibrated (ViewportPx {width} {height}, FocalMm {focal}, "
             f"PixelSizeMm {sx} {sy}, all expected > 0); register the frame or remove the raster"
+        )
+    if width * height > MOST_PIXELS:
+        raise DocumentError(
+            f"{where}: ViewportPx is {width} {height}, more pixels than any image has that can be "
+            "read (2³⁰); write the frame's size"
         )
     center_x, center_y = numbers("CenterPx")
 
@@ -176,6 +182,7 @@ def decode_numbers(
     (count,) float64, or int64 if `integer`; all finite
     """
     expected = " or ".join(map(str, counts))
+    shown = repr(text if len(text) <= 200 else f"{text[:200]}…")
     try:
         if binary:
             raw = base64.b64decode("".join(text.split()), validate=True)
@@ -184,14 +191,15 @@ def decode_numbers(
             values = np.frombuffer(raw, sizes.get(len(raw), "V1"))
         else:
             kind = int if integer else float
-            values = np.array([kind(word) for word in text.split()])
+            words = [kind(word) for word in text.split()]
+            values = np.array(words, np.int64 if integer else np.float64)
     except (ValueError, binascii.Error, OverflowError) as error:
-        raise DocumentError(f"{where}: expected {expected} numbers, found {text!r}") from error
+        raise DocumentError(f"{where}: expected {expected} numbers, found {shown}") from error
     if len(values) not in counts:
-        raise DocumentError(f"{where}: expected {expected} numbers, found {text!r}")
+        raise DocumentError(f"{where}: expected {expected} numbers, found {shown}")
     values = values.astype(np.int64 if integer else np.float64)
     if not np.isfinite(values).all():
-        raise DocumentError(f"{where}: expected finite numbers, found {text!r}")
+        raise DocumentError(f"{where}: expected finite numbers, found {shown}")
     return values
 
 

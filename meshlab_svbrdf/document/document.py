@@ -23,6 +23,7 @@ from ..geometry.camera import Camera
 from ..geometry.lens import Lens
 from ..geometry.mesh import Mesh
 from ..progress import Progress, Show
+from .atomic import remove_leftovers
 from .exact import remember, restore
 from .frames import Frames, file_stamp
 from .freshness import RASTER, Freshness, filter_key, resolve_lengths
@@ -235,9 +236,17 @@ class Document(Products):
         """A layer's mesh (None: the object's) in world coordinates.
 
         The object's has the texture coordinates of `set_uv`, where that was called.
+
+        Raises DocumentError where it has no extent.
         """
         layer = layer or self.object_layer()
-        return self._local_mesh(layer).transformed(layer.matrix)
+        mesh = self._local_mesh(layer).transformed(layer.matrix)
+        if not mesh.radius > 0:
+            raise DocumentError(
+                f"{self.path.name}: all vertices of the layer {layer.label!r} lie in one place; "
+                "scan or export it again, or choose another layer (--layer)"
+            )
+        return mesh
 
     def set_uv(self, uv: np.ndarray) -> None:
         """Stage texture coordinates (F, 3, 2) for the object, in place of its file's, as float32.
@@ -382,6 +391,7 @@ class Document(Products):
         write_project(self.project, self.path)
         if self.folder.is_dir():
             with self.results.locked():
+                remove_leftovers(self.path.parent, self.path.stem)
                 remember(self.project, self.layers, self.folder)
         return self.path
 

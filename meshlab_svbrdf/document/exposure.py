@@ -39,7 +39,7 @@ def read_exposure(path: str | Path) -> float | None:
     iso = positive(tags.get(ExifTags.Base.ISOSpeedRatings))
     if time is None or f_number is None or iso is None:
         return None
-    return time * iso / f_number**2
+    return positive(time * iso / f_number / f_number)
 
 
 def positive(value: Any) -> float | None:

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from ..geometry.mesh import Mesh
+from .atomic import named
 
 
 @dataclass(frozen=True)
@@ -50,12 +51,13 @@ class GivenUv:
         if shown.uv is None or shown.uv is given.uv:
             return
         part = self.path.with_suffix(".part.npz")
-        np.savez(
-            part,
-            written=np.array(sorted({*self.written, _digest(shown.uv)})),
-            uv=np.zeros(0) if given.uv is None else given.uv,
-            texture_index=np.zeros(0) if given.texture_index is None else given.texture_index,
-        )
+        with named(part):
+            np.savez(
+                part,
+                written=np.array(sorted({*self.written, _digest(shown.uv)})),
+                uv=np.zeros(0) if given.uv is None else given.uv,
+                texture_index=np.zeros(0) if given.texture_index is None else given.texture_index,
+            )
         os.replace(part, self.path)
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import io
+from contextlib import redirect_stdout
 from pathlib import Path
 
 import cv2
@@ -167,7 +169,10 @@ def write_exr(path: str | Path, array: np.ndarray) -> None:
         raise ValueError(f"write_exr expects (H, W), (H, W, 1) or (H, W, 3), found {array.shape}")
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
     with replacing(path) as temporary:
-        OpenEXR.File(header, {"Y" if array.ndim == 2 else "RGB": array}).write(str(temporary))
+        try:
+            OpenEXR.File(header, {"Y" if array.ndim == 2 else "RGB": array}).write(str(temporary))
+        except RuntimeError as error:  # how the library says that the disk is full
+            raise OSError(str(error)) from None
 
 
 def read_exr(path: str | Path) -> np.ndarray:
@@ -180,7 +185,9 @@ def read_exr(path: str | Path) -> np.ndarray:
     if not Path(path).is_file():
         raise DocumentError(f"{path}: does not exist")
     try:
-        with OpenEXR.File(str(path), separate_channels=True) as file:
+        # The library prints of damage, which its error tells
+        said = redirect_stdout(io.StringIO())
+        with said, OpenEXR.File(str(path), separate_channels=True) as file:
             pixels = {name: np.asarray(c.pixels, np.float32) for name, c in file.channels().items()}
     except Exception as error:  # the library raises RuntimeError, ValueError and its own
         raise DocumentError(f"{path}: cannot be read as OpenEXR ({error})") from error

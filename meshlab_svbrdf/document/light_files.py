@@ -11,13 +11,13 @@ are read too.
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..errors import DocumentError
+from .stored import read_json
 
 
 class LightEntry(NamedTuple):
@@ -42,12 +42,7 @@ def read_light_file(path: str | Path) -> LightFile:
 
     Raises DocumentError where it is missing, no JSON, or a light lacks what is needed.
     """
-    try:
-        content = json.loads(Path(path).read_text(encoding="utf-8"))
-    except OSError as error:
-        raise DocumentError(f"{path}: cannot be read ({error.strerror})") from error
-    except ValueError as error:
-        raise DocumentError(f"{path}: is no JSON ({error})") from error
+    content = read_json(Path(path))
     told = content if isinstance(content, dict) else {}
     entries = told.get("lights", told.get("emitters"))
     if not isinstance(entries, list) or not entries:

@@ -150,7 +150,7 @@ def _textures(
 def _read_mtl(path: Path, obj: Path) -> dict[str, Path]:
     try:
         text = path.read_bytes().decode("utf-8", "surrogateescape")
-    except OSError as error:
+    except (OSError, ValueError) as error:  # ValueError: no name of a file
         raise DocumentError(
             f"{obj}: its material library {path} cannot be read; put it there, or remove the "
             "mtllib line if the mesh has a single texture"

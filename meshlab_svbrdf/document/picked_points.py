@@ -131,7 +131,7 @@ def _json(path: Path, text: str) -> list[PickedPoints]:
             if rows:
                 found.append(_picked(where, str(entry.get("frame", "")), rows))
         return found
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise DocumentError(
             f'{where}: expected {{"frame": NAME, "points": [{{"world": [x, y, z], "pixel": '
             f"[column, row]}}]}}, found {error!r}"

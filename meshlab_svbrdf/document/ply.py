@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import re
 from collections.abc import Mapping, Sequence
@@ -15,6 +16,8 @@ from ..geometry.mesh import Mesh
 from .atomic import replacing
 from .mesh_file import MeshFile, check_mesh, fan
 from .ply_format import Element, Lists, read_ply_columns
+
+log = logging.getLogger("meshlab_svbrdf")
 
 XYZ, NORMAL, RGBA = ("x", "y", "z"), ("nx", "ny", "nz"), ("red", "green", "blue", "alpha")
 UV_NAMES = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"), ("texture_s", "texture_t"))
@@ -61,7 +64,7 @@ def read_ply(path: Path) -> MeshFile:
     return MeshFile(
         mesh=mesh,
         textures=textures,
-        vertex_attributes={n: _attribute(c, n, path) for n, c in vertex.items() if n not in used},
+        vertex_attributes=_attributes({n: c for n, c in vertex.items() if n not in used}, path),
         vertex_color=color,
         quality=None if quality is None else _attribute(quality, "quality", path),
         face_color=_face_color(element, polygon, path),
@@ -211,6 +214,19 @@ def _integers(
 
 def _stack(columns: Mapping[str, Any], names: Sequence[str]) -> np.ndarray:
     return np.stack([columns[name] for name in names], axis=1).astype(np.float64)
+
+
+def _attributes(columns: Mapping[str, np.ndarray | Lists], path: Path) -> dict[str, np.ndarray]:
+    """Further attributes of vertices; those that MeshLab's parser cannot take are left out, and
+    told: one such name makes every function filter on the layer fail."""
+    strange = [name for name in columns if not ATTRIBUTE_NAME.fullmatch(name)]
+    if strange:
+        shown = ", ".join(repr(name[:40]) for name in strange[:5])
+        log.warning(
+            "%s: attributes of its vertices are left out, for MeshLab takes names of letters, "
+            "digits and _ alone: %s", path, shown,
+        )  # fmt: skip
+    return {n: _attribute(c, n, path) for n, c in columns.items() if n not in strange}
 
 
 def _attribute(column: np.ndarray | Lists, name: str, path: Path) -> np.ndarray:

@@ -13,7 +13,6 @@ NAME.json, NAME.png|exr, samples/ …   at the top
 from __future__ import annotations
 
 import copy
-import json
 import re
 import secrets
 from collections.abc import Iterator
@@ -29,6 +28,7 @@ from ..geometry.texels import Texels
 from .images import read_exr, read_image, write_exr, write_jpeg, write_png
 from .layers import MAP, Layer, attribute_name, file_name, write_layer
 from .record import ResultFolder, write_json
+from .stored import read_array, read_json, write_array
 from .video_names import FRAMES
 
 ImageKind = Literal["exr", "png"]
@@ -74,7 +74,7 @@ class Products:
 
     def attribute(self, name: str) -> np.ndarray:
         """An attribute of the texels, (T,) or (T, k); `svbrdf_NAME` and NAME are the same."""
-        return np.load(self._find(f"texels/{attribute_name(name)}.npy", f"attribute {name}"))
+        return read_array(self._find(f"texels/{attribute_name(name)}.npy", f"attribute {name}"))
 
     def set_attribute(self, name: str, values: np.ndarray) -> None:
         """Stage one value, or row of values, per texel."""
@@ -82,17 +82,16 @@ class Products:
         count = len(self.array("texels_face", mmap=True))
         if values.ndim not in (1, 2) or len(values) != count:
             raise ValueError(f"attribute {name} has shape {values.shape}, expected ({count}, …)")
-        np.save(self._stage(f"texels/{attribute_name(name)}.npy"), values, allow_pickle=False)
+        write_array(self._stage(f"texels/{attribute_name(name)}.npy"), values)
 
     # Arrays
 
     def array(self, name: str, *, mmap: bool = False) -> np.ndarray:
         """An array by name, in memory, or (`mmap`) read only and left in its file."""
-        path = self._find(f"arrays/{name}.npy", f"array {name}")
-        return np.load(path, mmap_mode="r" if mmap else None, allow_pickle=False)
+        return read_array(self._find(f"arrays/{name}.npy", f"array {name}"), mmap=mmap)
 
     def set_array(self, name: str, values: np.ndarray) -> None:
-        np.save(self._stage(f"arrays/{name}.npy"), np.asarray(values), allow_pickle=False)
+        write_array(self._stage(f"arrays/{name}.npy"), np.asarray(values))
 
     def has_array(self, name: str) -> bool:
         return self._look(f"arrays/{name}.npy") is not None
@@ -113,7 +112,7 @@ class Products:
 
     def json(self, name: str) -> dict[str, Any]:
         """The content of NAME.json; NaN was written as null."""
-        return json.loads(self._find(f"{name}.json", f"{name}.json").read_text(encoding="utf-8"))
+        return read_json(self._find(f"{name}.json", f"{name}.json"))
 
     def set_json(self, name: str, value: dict[str, Any]) -> None:
         """Stage NAME.json; numpy numbers and arrays become plain ones, NaN and infinity null."""

@@ -15,6 +15,8 @@ from ..geometry.camera import Camera
 from .cameras import decode_numbers, encode_numbers, read_camera, write_camera
 from .video_names import is_frames_folder, relative, video_of
 
+LONGEST = 255  # bytes of a file's name
+
 
 @dataclass(eq=False)
 class MeshEntry:
@@ -202,6 +204,8 @@ def absolute(path: str | Path) -> Path:
 
 
 def _resolve(name: str, project: Path) -> Path:
+    if any(len(os.fsencode(part)) > LONGEST for part in name.split("/")):
+        raise DocumentError(f"{project}: no system has a file of that long name: {name[:60]!r}…")
     return Path(os.path.normpath(project.parent / name))
 
 

@@ -10,6 +10,7 @@ from ..errors import DocumentError
 from .atomic import replacing
 
 DOCTYPE = "<!DOCTYPE MeshLabDocument>"
+DEEPEST = 100  # elements in each other; projects have 4
 
 
 class _Builder(ET.TreeBuilder):
@@ -40,38 +41,10 @@ def parse_xml(path: Path) -> ET.Element:
     Raises
     ------
     DocumentError
-        The file is missing, malformed (with line and column), not a MeshLab project, or declares
-        entities: projects need none, and they can read other files or fill the memory.
+        The file is missing, malformed (with line and column), not a MeshLab project, or is refused
+        by `_scout`.
     """
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise DocumentError(f"{path}: cannot be read ({error.strerror})") from error
-
-    def refuse(name: str, *_: object) -> None:
-        raise DocumentError(f"{path}: declares the XML entity {name!r}; remove it from the DOCTYPE")
-
-    outside: list[str] = []
-    depth = 0
-
-    def enter(*_: object) -> None:
-        nonlocal depth
-        depth += 1
-
-    def leave(*_: object) -> None:
-        nonlocal depth
-        depth -= 1
-
-    try:
-        # Look for entity declarations before anything is expanded, and for comments around the root
-        scout = expat.ParserCreate()
-        scout.EntityDeclHandler = refuse
-        scout.StartElementHandler, scout.EndElementHandler = enter, leave
-        scout.CommentHandler = lambda text: None if depth else outside.append(text)
-        scout.Parse(data, True)
-        root = ET.XML(data, ET.XMLParser(target=_Builder()))
-    except (expat.ExpatError, ET.ParseError, ValueError, LookupError) as error:
-        raise DocumentError(f"{path}: is not well-formed XML ({error})") from error
+    root, outside = _parse(path, _Builder())
     if root.tag != "MeshLabProject":
         raise DocumentError(f"{path}: is not a MeshLab project: its root element is <{root.tag}>")
     root[:0] = [ET.Comment(text) for text in outside]
@@ -79,27 +52,56 @@ def parse_xml(path: Path) -> ET.Element:
 
 
 def parse_plain(path: Path) -> ET.Element:
-    """The root element of any other XML file; entities are refused before anything is expanded.
+    """The root element of any other XML file; raises as `parse_xml` does."""
+    return _parse(path, ET.TreeBuilder())[0]
 
-    Raises
-    ------
-    DocumentError : the file is missing, malformed, or declares entities.
-    """
+
+def _parse(path: Path, builder: ET.TreeBuilder) -> tuple[ET.Element, list[str]]:
+    """The root element, and the comments around it."""
+    if path.exists() and not path.is_file():
+        raise DocumentError(f"{path}: is no file")
     try:
         data = path.read_bytes()
     except OSError as error:
         raise DocumentError(f"{path}: cannot be read ({error.strerror})") from None
+    try:
+        outside = _scout(data, path)
+        return ET.XML(data, ET.XMLParser(target=builder)), outside
+    except (expat.ExpatError, ET.ParseError, ValueError, LookupError) as error:
+        raise DocumentError(f"{path}: is not well-formed XML ({error})") from None
+
+
+def _scout(data: bytes, path: Path) -> list[str]:
+    """The comments around the root, found before anything is expanded or built.
+
+    Refuses entities, which can read other files or fill the memory, and elements so deep in each
+    other that what walks them would fail; these files need neither.
+    """
+    outside: list[str] = []
+    depth = 0
 
     def refuse(name: str, *_: object) -> None:
         raise DocumentError(f"{path}: declares the XML entity {name!r}; remove it from the DOCTYPE")
 
-    try:
-        scout = expat.ParserCreate()
-        scout.EntityDeclHandler = refuse
-        scout.Parse(data, True)
-        return ET.fromstring(data)
-    except (expat.ExpatError, ET.ParseError, ValueError, LookupError) as error:
-        raise DocumentError(f"{path}: is not well-formed XML ({error})") from None
+    def enter(name: str, *_: object) -> None:
+        nonlocal depth
+        depth += 1
+        if depth > DEEPEST:
+            raise DocumentError(
+                f"{path}, line {scout.CurrentLineNumber}: <{name}> lies in {DEEPEST} other "
+                "elements, which no program writes; save the file again"
+            )
+
+    def leave(*_: object) -> None:
+        nonlocal depth
+        depth -= 1
+
+    scout = expat.ParserCreate()
+    scout.EntityDeclHandler = refuse
+    scout.StartElementHandler, scout.EndElementHandler = enter, leave
+    scout.CommentHandler = lambda text: None if depth else outside.append(text)
+    scout.Parse(data, True)
+    return outside
 
 
 def write_xml(root: ET.Element, path: Path) -> None:

@@ -25,6 +25,8 @@ from typing import Any
 from filelock import FileLock, Timeout
 
 from ..errors import DocumentError, SvbrdfError
+from .atomic import named, remove_leftovers
+from .record_check import check_record, leads_out
 
 FORMAT = 1
 RESUMED = "samples/store.json"
@@ -44,7 +46,9 @@ def digest(value: Any) -> str:
 def write_json(path: Path, value: Any) -> None:
     """Write a JSON file whole or not at all."""
     temporary = path.with_name(f".{path.name}.part")
-    temporary.write_text(json.dumps(value, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    text = json.dumps(value, indent=1, allow_nan=False) + "\n"
+    with named(path):
+        temporary.write_text(text, encoding="utf-8")
     os.replace(temporary, path)
 
 
@@ -106,23 +110,26 @@ class ResultFolder:
 
     def _read(self) -> None:
         path = self.path / RECORD
-        if not path.exists():
-            self.record = empty_record()
-            return
+        self.record = self._parsed(path) if path.exists() else empty_record()
+
+    def _parsed(self, path: Path) -> dict[str, Any]:
+        """A record, whoever wrote it: no entry leads out of the folder."""
         try:
             record = json.loads(path.read_text(encoding="utf-8"))
             known = record["format"]
-        except (ValueError, KeyError, TypeError) as error:
+            if known == FORMAT:
+                check_record(record)
+        except (ValueError, KeyError, TypeError, RecursionError) as error:
             raise DocumentError(
                 f"{path} is not a record of results ({error}): "
                 f"restore it, or move {self.path.name} away to start anew"
             ) from None
         if known != FORMAT:
             raise DocumentError(
-                f"{path} has format {known}, this version reads {FORMAT}: "
+                f"{path} has format {known!r}, this version reads {FORMAT}: "
                 f"move {self.path.name} away to start anew, or use the version that wrote it"
             )
-        self.record = record
+        return record
 
     # Writing
 
@@ -136,6 +143,11 @@ class ResultFolder:
             yield
             return
         self.path.mkdir(parents=True, exist_ok=True)
+        if link := leads_out(self.path):
+            raise DocumentError(
+                f"{link} is a link to {link.resolve()}, outside of the results, which a run would "
+                f"write to: put the files themselves in its place, or move {self.path.name} away"
+            )
         lock = FileLock(self.path / ".lock", timeout=0)
         try:
             lock.acquire()
@@ -157,6 +169,8 @@ class ResultFolder:
         if self._committed.is_dir():
             self._finish()
         self.discard()
+        for folder in (self.path, *(path for path in self.path.glob("*/") if path.is_dir())):
+            remove_leftovers(folder)
 
     def stage(self, entry: str) -> Path:
         """Where to write `entry` for now; parent folders exist."""
@@ -184,7 +198,7 @@ class ResultFolder:
         """Move what was committed into place; may be repeated after an interruption anywhere."""
         new_path = self._committed / RECORD
         if new_path.exists():
-            new = json.loads(new_path.read_text(encoding="utf-8"))
+            new = self._parsed(new_path)
             self._read()
             if (self._committed / RESUMED).exists():
                 shutil.rmtree(self._partial, ignore_errors=True)

@@ -84,7 +84,9 @@ def read_videos(folder: Path) -> dict[str, VideoFrame]:
         if not all(isfinite(frame.time) for frame in found.values()):
             raise ValueError("a time that is no number")
         return found
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+    except (
+        OSError, ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError,
+    ) as error:  # fmt: skip
         raise DocumentError(
             f"{path}: does not tell which frames of which videos the rasters are "
             f"({error!r}); restore it, or add the videos again"

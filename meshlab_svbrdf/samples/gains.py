@@ -46,7 +46,7 @@ def _medians(values, order, starts, out):
         out[k] = quantile(row[:n], 0.5) if n > 0 else np.nan
 
 
-class _Groups:
+class Groups:
     """Samples (n,) grouped by their texel or frame, of `count`."""
 
     def __init__(self, of: np.ndarray, count: int) -> None:
@@ -59,6 +59,27 @@ class _Groups:
         out = np.empty(self.count)
         _medians(values, self._order, self._starts, out)
         return out
+
+
+def some_logs(
+    observations: Observations, samples: int | None = None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """ln colours (N, 3) float32, texels and frames (N,) int64 of about so many samples, all of
+    evenly spaced texels but for clipped and dark ones; samples : see `frame_gains`."""
+    store = observations.store
+    samples = samples or max(250_000, PER_FRAME * store.frames)
+    stride = max(1, len(store) // samples)
+
+    def work(block: Block, own: slice) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        most = len(block.frame)
+        logs = np.empty((most, 3), np.float32)
+        texel, frame = np.empty(most, np.int64), np.empty(most, np.int64)
+        n = _ratios(block, observations.view, logs, texel, frame)
+        return logs[:n], texel[:n] + own.start, frame[:n]
+
+    pieces = store.map_texels(work, np.arange(0, store.texels, stride))
+    logs, texel, frame = (np.concatenate(each) for each in zip(*pieces, strict=True))
+    return logs, texel, frame
 
 
 def frame_gains(
@@ -82,18 +103,7 @@ def frame_gains(
     residual : (F,) float64, median |ln| of what is left in green
     """
     store = observations.store
-    samples = samples or max(250_000, PER_FRAME * store.frames)
-    stride = max(1, len(store) // samples)
-
-    def work(block: Block, own: slice) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        most = len(block.frame)
-        logs = np.empty((most, 3), np.float32)
-        texel, frame = np.empty(most, np.int64), np.empty(most, np.int64)
-        n = _ratios(block, observations.view, logs, texel, frame)
-        return logs[:n], texel[:n] + own.start, frame[:n]
-
-    pieces = store.map_texels(work, np.arange(0, store.texels, stride))
-    logs, texel, frame = (np.concatenate(each) for each in zip(*pieces, strict=True))
+    logs, texel, frame = some_logs(observations, samples)
     # Keep the samples of texels that several frames see, and the frames that have enough of them
     shared = np.bincount(texel)[texel] > 1 if len(texel) else np.zeros(0, bool)
     enough = np.bincount(frame[shared], minlength=store.frames) >= LEAST_SHARED
@@ -103,7 +113,7 @@ def frame_gains(
         return gains, residual
     logs = logs[kept]
     known, texel = np.unique(texel[kept], return_inverse=True)
-    texels, frames = _Groups(texel, len(known)), _Groups(frame[kept], store.frames)
+    texels, frames = Groups(texel, len(known)), Groups(frame[kept], store.frames)
     seen = np.bincount(frames.of, minlength=store.frames) > 0
     for channel in range(3):
         value, gain = logs[:, channel].astype(np.float64), np.zeros(store.frames)
@@ -120,7 +130,7 @@ def frame_gains(
 
 
 def _reweighted(
-    value: np.ndarray, gain: np.ndarray, texels: _Groups, frames: _Groups, rounds: int
+    value: np.ndarray, gain: np.ndarray, texels: Groups, frames: Groups, rounds: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """ln gains (F,) and residuals of value = texel + gain, by weights 1/(1 + (e/h)²)²."""
     texel, frame, count = texels.of, frames.of, frames.count

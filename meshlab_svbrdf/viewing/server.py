@@ -121,7 +121,7 @@ class _Handler(BaseHTTPRequestHandler):
 
     def _post(self) -> Answer:
         length = self.headers.get("Content-Length", "")
-        if not length.isdecimal() or int(length) > MOST_BYTES:
+        if not length.isdecimal() or len(length) > 12 or int(length) > MOST_BYTES:
             self.close_connection = True
             raise Refused(
                 f"a request has at most {MOST_BYTES >> 20} MB, and says how long it is", 413
@@ -132,7 +132,7 @@ class _Handler(BaseHTTPRequestHandler):
         self._check_page()
         try:
             given = json.loads(body or b"{}")
-        except ValueError:
+        except (ValueError, RecursionError):
             raise Refused("expected JSON", 400) from None
         if not isinstance(given, dict):
             raise Refused("expected a JSON object", 400)

@@ -1,8 +1,87 @@
-"""Files whole or not at all."""
+"""Files are whole or not there: full disks are told with the file's name, dead writers cleared."""
 
+import errno
+import resource
+import signal
+
+import numpy as np
 import pytest
 
-from meshlab_svbrdf.document.atomic import filling
+from meshlab_svbrdf.document.atomic import filling, named, remove_leftovers, replacing
+from meshlab_svbrdf.document.images import write_exr, write_png
+from meshlab_svbrdf.document.mesh_files import write_ply
+from meshlab_svbrdf.document.record import ResultFolder, write_json
+from meshlab_svbrdf.document.stored import write_array
+from meshlab_svbrdf.errors import DocumentError
+
+NOISE = np.random.default_rng(0)
+WRITERS = {
+    "a.npy": lambda path: write_array(path, np.zeros(9_000)),
+    "a.json": lambda path: write_json(path, {"a": "b" * 9_000}),
+    "a.png": lambda path: write_png(path, NOISE.integers(0, 256, (99, 99, 3)).astype(np.uint8)),
+    "a.exr": lambda path: write_exr(path, NOISE.random((99, 99, 3))),
+    "a.ply": lambda path: write_ply(path, NOISE.random((9_000, 3))),
+}
+
+
+@pytest.fixture
+def full():
+    """Files cannot grow beyond 4 kB, as on a disk that is full."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    handler = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (4_096, before[1]))
+    yield
+    resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    signal.signal(signal.SIGXFSZ, handler)
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_a_full_disk_is_told_with_the_file_and_the_old_one_stays(tmp_path, full, name):
+    path = tmp_path / name
+    path.write_text("old")
+    with pytest.raises(DocumentError, match=rf"{path}: cannot be written whole .*make room"):
+        WRITERS[name](path)
+    if name != "a.npy":  # staged: nobody sees it
+        assert path.read_text() == "old"
+
+
+def test_an_error_that_names_its_file_stays_as_it_is(tmp_path):
+    with pytest.raises(FileNotFoundError), named(tmp_path / "a"):
+        (tmp_path / "b").read_text()
+    with pytest.raises(DocumentError, match="a: cannot be written whole"), named(tmp_path / "a"):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+
+def left_behind(path):
+    """The temporary file of a writer that was killed."""
+    with replacing(path) as temporary:
+        temporary.write_text("half")
+        kept = temporary.read_bytes()
+    temporary.write_bytes(kept)
+    path.unlink()
+    return temporary
+
+
+def test_what_dead_writers_left_goes_and_nothing_else(tmp_path):
+    mine = [tmp_path / n for n in (".hidden", ".a.mlp", "a.0123abcd.mlp", ".b.notahash.mlp")]
+    for path in mine:
+        path.write_text("mine")
+    other = left_behind(tmp_path / "b.mlp")
+    dead = left_behind(tmp_path / "a.mlp")
+    remove_leftovers(tmp_path, "a")
+    assert not dead.exists()
+    assert other.exists()
+    remove_leftovers(tmp_path)
+    assert sorted(tmp_path.iterdir()) == sorted(mine)
+    remove_leftovers(tmp_path / "nowhere")
+
+
+def test_the_next_run_clears_the_results(tmp_path):
+    folder = tmp_path / "a.svbrdf"
+    (folder / "layers").mkdir(parents=True)
+    dead = [left_behind(folder / "exact.mlp"), left_behind(folder / "layers" / "texels.ply")]
+    ResultFolder(folder)
+    assert not any(path.exists() for path in dead)
 
 
 def names(folder):

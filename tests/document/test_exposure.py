@@ -50,6 +50,8 @@ def test_relative_exposure(tmp_path, time, f_number, iso, expected):
         {TIME: rational(0, 0)},
         {F_NUMBER: rational(0, 0)},
         {F_NUMBER: rational(0, 1)},
+        {F_NUMBER: 1e-200},
+        {TIME: 1e200, F_NUMBER: 1e-120},
         {ISO: 0},
     ],
 )

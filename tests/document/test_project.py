@@ -234,6 +234,7 @@ def edit(folder: Path, old: str, new: str) -> None:
             "entity 'e'",
         ),
         ("<!DOCTYPE MeshLabDocument>", '<!DOCTYPE m [<!ENTITY % p "q">]>', "entity 'p'"),
+        ("</MeshGroup>", f"{'<a>' * 999}{'</a>' * 999}</MeshGroup>", r"line \d+: <a> lies in 100"),
         ('label="f1"', 'label="f0"', "2 rasters are labelled 'f0'"),
         ("meshes/a.ply", "meshes/b.ply", "do not exist"),
         ('filename="meshes/a.ply"', 'filename=""', "no file"),

@@ -194,6 +194,13 @@ def test_damaged_bundles_are_named(tmp_path):
     path.write_text(whole.replace("v0.3\n2 1", "v0.3\n2 x"))
     with pytest.raises(DocumentError, match="expected 2 numbers"):
         read_reconstruction(path, lambda name: SIZE)
+    for count in ("nan", "inf", "-1", "1.5", "1e300"):
+        path.write_text(whole.replace("v0.3\n2 1", f"v0.3\n2 {count}"))
+        with pytest.raises(DocumentError, match="line 2: expected a count, found"):
+            read_reconstruction(path, lambda name: SIZE)
+        path.write_text(whole.replace("255 0 0\n1 0 5", f"255 0 0\n{count} 0 5"))
+        with pytest.raises(DocumentError, match="point 0: expected a count, found"):
+            read_reconstruction(path, lambda name: SIZE)
     path.write_text("hello\n")
     with pytest.raises(DocumentError, match="line 1: expected '# Bundle file"):
         read_reconstruction(path, lambda name: SIZE)

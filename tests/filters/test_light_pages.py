@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from analytic import angle, plane
+from analytic import angle, lamp, plane
 from totems import (
     DIFFUSE,
     ENVIRONMENT,
@@ -23,6 +23,7 @@ from totems import (
 )
 
 from meshlab_svbrdf.document.document import Document
+from meshlab_svbrdf.filters import compute_svbrdf_light_sources
 from meshlab_svbrdf.reflectance.directions import directions
 from meshlab_svbrdf.samples.luminance import to_srgb8
 
@@ -196,6 +197,19 @@ def test_a_scene_without_gloss_says_so_and_keeps_its_diffuse_colour(tmp_path_fac
     np.testing.assert_array_equal(
         document.attribute("final_diffuse"), document.attribute("diffuse")
     )
+
+
+def test_of_hundreds_of_lights_the_strongest_are_kept_and_it_is_said(
+    tmp_path_factory, tmp_path, monkeypatch
+):
+    rng = np.random.default_rng(0)
+    many = [lamp(direction) for direction in rng.normal(size=(300, 3))]
+    monkeypatch.setattr(compute_svbrdf_light_sources, "lights_by_peaks", lambda *_: many)
+    document = copied(tmp_path_factory, WALK, tmp_path)
+    said = document.apply(LIGHTS, force=True).message
+    assert said.startswith("300 found, the strongest 32 kept: the map is noise rather than lamps")
+    kept = document.json("lights_found")["lights"]
+    np.testing.assert_array_equal([k["direction"] for k in kept], [m.direction for m in many[:32]])
 
 
 @pytest.mark.parametrize("side", [4, 1])

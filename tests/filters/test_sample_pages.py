@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from analytic import angle
+from analytic import angle, sphere
 from totems import (
     LIGHTS,
     SAMPLES,
@@ -20,12 +20,15 @@ from totems import (
     run,
     sized,
     solved,
+    with_mesh,
 )
 
 from meshlab_svbrdf.document.document import Document
 from meshlab_svbrdf.document.images import write_png
 from meshlab_svbrdf.document.project import Project
 from meshlab_svbrdf.errors import DocumentError, SvbrdfError
+from meshlab_svbrdf.filters import compute_svbrdf_samples
+from meshlab_svbrdf.samples.steadiness import Steadiness
 
 VARYING = replace(WALK, exposure=0.3, exif=True, masks=True, views=0)
 
@@ -348,3 +351,58 @@ def test_stricter_quality_keeps_fewer_samples(walk, tmp_path):
         totals.append(int(document.attribute("frames").sum()))
     assert totals[0] > totals[1] > totals[2]
     assert totals[1] > totals[3]
+
+
+# What does not belong together
+
+
+def shifted(pixels: float):
+    """An edit of a project: every camera's picture that many columns to the right."""
+
+    def edit(project: Project) -> None:
+        for raster in project.rasters:
+            raster.camera = replace(raster.camera, cx=raster.camera.cx + pixels)
+
+    return edit
+
+
+def said_of(path: Path, folder: Path) -> tuple[str, dict]:
+    document = Document.open(path, folder)
+    outcome = run(document, SAMPLES, **sized(WALK))[SAMPLES]
+    return outcome.message, document.json("frames")
+
+
+def test_a_right_film_is_said_to_be_nothing_else(plain):
+    record = plain.json("frames")
+    assert record["outline"]["pixels"] <= 1.5
+    assert record["outline"]["agreement"] > 0.35
+    assert record["outline"]["frames"] == 12
+    assert record["light_change"]["halves"] < 0.06
+    message = plain.results.record["runs"][SAMPLES]["message"]
+    assert "outline" not in message
+    assert "light changed" not in message
+
+
+def test_cameras_that_are_off_are_told_with_the_pixels(walk, tmp_path):
+    wide = edited(walk, tmp_path / "in", shifted(-8))  # 20 pixels of 640 are 4 of these
+    message, record = said_of(wide, tmp_path / "out")
+    assert "the object's outline lies 8 pixels off in the frames: the cameras are wrong" in message
+    assert record["outline"]["pixels"] == pytest.approx(8, abs=1)
+
+
+def test_a_mesh_of_another_object_is_told(walk, tmp_path):
+    mesh = sphere(24)
+    other = with_mesh(
+        walk, tmp_path / "in", replace(mesh, vertices=mesh.vertices * [0.9, 0.3, 0.6])
+    )
+    message, record = said_of(other, tmp_path / "out")
+    assert "the object's outline is not found in the frames (agreement 0." in message
+    assert record["outline"]["agreement"] < 0.3
+
+
+def test_light_that_changed_is_told_with_how_much(walk, tmp_path, monkeypatch):
+    found = Steadiness(halves=0.19, turns=0.03)
+    monkeypatch.setattr(compute_svbrdf_samples, "light_steadiness", lambda *_: found)
+    message, record = said_of(walk, tmp_path / "out")
+    assert "the same places 19% brighter or darker than the first, every other frame 3%" in message
+    assert record["light_change"] == {"halves": 0.19, "turns": 0.03}

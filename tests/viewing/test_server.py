@@ -134,6 +134,9 @@ def test_what_is_no_json_or_too_long_is_refused(page):
     assert ask(page, "/api/merge", method="POST", body="[]")[0] == 400
     assert ask(page, "/api/merge", method="POST", body="{")[0] == 400
     assert ask(page, "/api/merge", method="POST", Content_Length=str(1 << 40))[0] == 413
+    assert ask(page, "/api/merge", method="POST", Content_Length="9" * 5000)[0] == 413
+    assert ask(page, "/api/merge", method="POST", Content_Length="-1")[0] == 413
+    assert ask(page, "/api/merge", method="POST", body="[" * 200_000)[0] == 400
 
 
 def test_edits_go_by_the_page(page):

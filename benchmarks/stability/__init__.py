@@ -1,0 +1,1 @@
+"""Extremes, damaged files and interrupted runs: `python -m benchmarks stability`."""
