@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..document.products import plain
-from . import maps, picking, wire
+from . import maps, picking, shots, wire
 from .session import Session
 
 BINARY = "application/octet-stream"
@@ -111,6 +111,8 @@ GET: dict[str, Callable[[Session, Given], Answer]] = {
     "point": lambda s, g: Answer.json(picking.tell(s, int(g["texel"]))),
     "history": lambda s, g: Answer.json(picking.plot_history(s, int(g["texel"]))),
     "density": lambda s, g: Answer.json(picking.plot_density(s, int(g["cluster"]))),
+    "stand": lambda s, g: Answer.json(shots.stand(s.scene, int(g["frame"]))),
+    "picture": lambda s, g: Answer(shots.picture(s.scene, int(g["frame"])), "image/jpeg"),
     "preview": lambda s, g: Answer(wire.labels(s.preview(float(g["threshold"])))),
 }
 

@@ -1,0 +1,214 @@
+"""How long the page of `meshlab-svbrdf view` lets one wait, on a large object.
+
+The object is the performance workload's. Answers are asked for as the page asks, over HTTP; where
+there is a Chromium, also from the click to the picture, with the browser's own drawing in software.
+"""
+
+from __future__ import annotations
+
+import http.client
+import json
+import shutil
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from functools import partial
+from importlib.util import find_spec
+from pathlib import Path
+from threading import Thread
+from typing import Any
+
+import numpy as np
+
+from meshlab_svbrdf.bench.workload import Options, make_workload
+from meshlab_svbrdf.document.document import Document
+from meshlab_svbrdf.presets import chain
+from meshlab_svbrdf.script import run_script
+from meshlab_svbrdf.viewing.picking import warm
+from meshlab_svbrdf.viewing.scene import Scene
+from meshlab_svbrdf.viewing.server import HOST, PageServer
+from meshlab_svbrdf.viewing.session import Session
+
+from .ledger import Row, Task
+from .solve import TEXTURE
+from .tables import Table
+
+PART, SERVER, BROWSER = "page", "asked", "chromium"
+FRAMES, TEXELS = 120, 1200  # of the workload, at most; texels along a side: a million
+TIMES = 20
+WAIT = {"pick": 0.15, "split": 1.0}
+"""Seconds that answers may take."""
+BUSY = "body[data-ready]"
+CLICK = """async ([x, y, watched]) => {
+    const view = document.getElementById("view"), seen = document.querySelector(watched);
+    const at = { clientX: x, clientY: y, pointerId: 1, button: 0, bubbles: true };
+    view.setPointerCapture = () => {};
+    const began = performance.now();
+    const shown = new Promise((done) => new MutationObserver((_, own) => {
+        own.disconnect();
+        requestAnimationFrame(() => requestAnimationFrame(() => done(performance.now() - began)));
+    }).observe(seen, { childList: true, subtree: true, characterData: true }));
+    for (const kind of ["pointerdown", "pointerup"]) view.dispatchEvent(new PointerEvent(kind, at));
+    return shown;
+}"""
+
+
+def tasks(frames: int, texture: int, cache: Path | None) -> tuple[list[Task], list[str]]:
+    """What is measured, and what cannot be.
+
+    frames, texture : of the workload; cache : keeps its frames; None: the user's cache
+    """
+    about = f"{frames} frames, {texture} texels"
+    found = [Task(PART, PART, SERVER, about, partial(_made, _asked, frames, texture, cache))]
+    if not (lacking := why_no_browser()):
+        clicks = partial(_made, _clicked, frames, texture, cache)
+        found.append(Task(PART, PART, BROWSER, about, clicks))
+    return found, [f"{PART}: Chromium left out, {lacking}"] if lacking else []
+
+
+def why_no_browser() -> str:
+    if find_spec("playwright") is None:
+        return "Playwright's Python package is not there"
+    return "" if _chromium() else "it is not on the PATH"
+
+
+def tables(rows: Sequence[Row]) -> list[Table]:
+    made = []
+    for row in rows:
+        if "error" in row:
+            continue
+        cells = []
+        for name, took in row["took_s"].items():
+            limit = WAIT.get(name.partition(",")[0])
+            cells.append([
+                name, f"{len(took)}", f"{1000 * float(np.median(took)):.0f}",
+                f"{1000 * max(took):.0f}", "" if limit is None else f"{1000 * limit:.0f}",
+            ])  # fmt: skip
+        how = "asked over HTTP" if row["name"] == SERVER else "from the click to the picture"
+        made.append(Table(
+            f"{row['texels']:,} texels, {row['triangles']:,} triangles: {how}",
+            ["what", "times", "ms, middle", "ms, worst", "ms allowed"], cells,
+        ))  # fmt: skip
+    return made
+
+
+def _made(
+    measure: Callable[[Session], dict[str, list[float]]], frames: int, texture: int,
+    cache: Path | None, folder: Path,
+) -> Row:  # fmt: skip
+    """A result on the workload, and what a session on it takes."""
+    workload = make_workload(cache, frames, Options())
+    document = Document.open(workload.first(frames), folder)
+    for _ in run_script(document, chain(settings={TEXTURE: texture})):
+        pass
+    document.save()
+    session = Session(Scene(document.path))
+    began = time.perf_counter()
+    warm(session)
+    took = {"opening, in the background": [time.perf_counter() - began]} | measure(session)
+    texels, mesh = session.scene.texels, session.scene.mesh
+    return {"took_s": took, "texels": len(texels), "triangles": len(mesh.faces)}
+
+
+@contextmanager
+def _served(session: Session) -> Iterator[PageServer]:
+    with PageServer(session) as server:
+        thread = Thread(target=server.serve_forever)
+        thread.start()
+        try:
+            yield server
+        finally:
+            server.shutdown()
+            thread.join()
+
+
+def _asked(session: Session) -> dict[str, list[float]]:
+    took: dict[str, list[float]] = {}
+    with _served(session) as server:
+        line = http.client.HTTPConnection(HOST, server.server_port)
+        headers = {"X-Svbrdf": "1", "Cookie": f"{server.cookie}={server.token}"}
+
+        def ask(name: str, path: str, given: dict[str, Any] | None = None) -> Any:
+            if given is not None:
+                given = {"revision": session.revision} | given
+            began = time.perf_counter()
+            method = "GET" if given is None else "POST"
+            line.request(method, f"/api/{path}", json.dumps(given), headers)
+            answer = line.getresponse()
+            body = answer.read()
+            took.setdefault(name, []).append(time.perf_counter() - began)
+            told = answer.headers["Content-Type"] == "application/json"
+            if answer.status != 200:
+                took[name].pop()
+                return None
+            return json.loads(body) if told else body
+
+        ids = [cluster["id"] for cluster in session.clusters()]
+        for ray in _rays_at_texels(session, TIMES):
+            found = ask("pick", "pick", {"rays": ray})
+            ask("plot of the frames", f"history?texel={found['texel']}")
+            if found["cluster"] >= 0:
+                ask("density", f"density?cluster={found['cluster']}")
+        for threshold in np.linspace(4, 20, TIMES // 2):
+            ask("preview of a threshold", f"preview?threshold={threshold}")
+        for through in (False, True):
+            for height in np.linspace(-0.6, 0.6, TIMES):
+                rays = _rays_across(session, float(height))
+                name = "split, through the object" if through else "split, over the front"
+                if ask(name, "split", {"rays": rays, "through": through}):
+                    ask("labels", "labels")
+                    ask("undo", "undo", {})
+        for _ in range(TIMES // 2):
+            ask("merge", "merge", {"ids": ids[:2]})
+            ask("undo", "undo", {})
+            ask("redo", "redo", {})
+            ask("undo", "undo", {})
+        for name in ("samples", "frame"):
+            ask(f"map, {name}", f"map?name={name}&frame=5")
+        ask("merge", "merge", {"ids": ids[:2]})
+        ask("save", "save", {})
+        ask("find anew", "find", {"threshold": session.threshold})
+    return took
+
+
+def _clicked(session: Session) -> dict[str, list[float]]:
+    from playwright.sync_api import sync_playwright
+
+    took: dict[str, list[float]] = {}
+    with _served(session) as server, sync_playwright() as player:
+        began = time.perf_counter()
+        browser = player.chromium.launch(executable_path=_chromium(), args=[
+            "--headless", "--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader",
+            "--enable-unsafe-swiftshader",
+        ])  # fmt: skip
+        page = browser.new_page(viewport={"width": 1280, "height": 800})
+        page.goto(server.address)
+        page.wait_for_selector(BUSY)
+        took["opening the page"] = [time.perf_counter() - began]
+        rng = np.random.default_rng(0)
+        for x, y in rng.uniform([380, 330], [520, 470], (TIMES, 2)):
+            took.setdefault("pick", []).append(page.evaluate(CLICK, [x, y, "#numbers"]) / 1000)
+        browser.close()
+    return took
+
+
+def _rays_at_texels(session: Session, count: int) -> list[list[float]]:
+    """From outside, along the normals of some texels."""
+    scene, rng = session.scene, np.random.default_rng(1)
+    chosen = rng.choice(np.flatnonzero(session.labels >= 0), count, replace=False)
+    normal = scene.texels.normal[chosen].astype(float)
+    place = scene.texels.position[chosen] + scene.texels.center
+    return np.hstack([place + 3 * scene.texels.radius * normal, -normal]).tolist()
+
+
+def _rays_across(session: Session, height: float, points: int = 200) -> list[list[float]]:
+    """A hand's stroke from beyond the object to beyond it, at a height in radii, seen from +Z."""
+    texels = session.scene.texels
+    eye = texels.center + 4 * texels.radius * np.array([0, 0, 1])
+    x = np.linspace(-1.2, 1.2, points)
+    aim = texels.center + texels.radius * np.stack([x, np.full(points, height), 0 * x], 1)
+    return np.hstack([np.broadcast_to(eye, aim.shape), aim - eye]).tolist()
+
+
+def _chromium() -> str | None:
+    return shutil.which("chromium") or shutil.which("chromium-browser")
