@@ -7,6 +7,8 @@
     python -m benchmarks photographs RESULT.mlp   of a run with --hold-out
     python -m benchmarks performance              run time, and others at the same work
     python -m benchmarks registration             cameras of films and photographs
+    python -m benchmarks materials [--scene …]    areas of one material, found and edited by hand
+    python -m benchmarks page                     how long the page of `view` lets one wait
     python -m benchmarks --all --docs             everything, into the documentation
 
 Scenes are rendered once into the cache. Every row is kept in --out as soon as it is there; the same
@@ -26,8 +28,17 @@ from rich.console import Console
 from meshlab_svbrdf.document.document import Document
 from meshlab_svbrdf.errors import SvbrdfError
 
-from . import ablation, accuracy, performance, photographs, registration, timing
-from .cases import LONG, PHOTOGRAPHS, Case, available, why_not
+from . import (
+    ablation,
+    accuracy,
+    materials,
+    page,
+    performance,
+    photographs,
+    registration,
+    timing,
+)
+from .cases import LONG, PHOTOGRAPHS, SAMPLE, Case, available, why_not
 from .documents import write_documents
 from .ledger import Ledger, Row, Task
 from .scenes.catalogue import SCENES
@@ -36,7 +47,17 @@ from .solve import warm_up
 
 SLOW = "mitsuba"  # this peer is compared over time, on one scene
 PARTS = {
-    part.PART: part for part in (accuracy, timing, ablation, photographs, performance, registration)
+    part.PART: part
+    for part in (
+        accuracy,
+        timing,
+        ablation,
+        photographs,
+        performance,
+        registration,
+        materials,
+        page,
+    )
 }
 
 
@@ -100,6 +121,14 @@ def wanted(arguments: argparse.Namespace, ledger: Ledger) -> tuple[list[Task], l
         films = [case for case in found_cases if case.name != PHOTOGRAPHS]
         stills = [case for case in found_cases if case.name == PHOTOGRAPHS]
         tasks += registration.tasks(films, stills, arguments.cache)
+    if materials.PART in parts:
+        tasks += materials.tasks(ledger, cases([SAMPLE, *SCENES, LONG]), size or 512)
+    if page.PART in parts:
+        found, missing = page.tasks(
+            min(arguments.frames, page.FRAMES), size or page.TEXELS, arguments.cache
+        )
+        tasks += found
+        notes.extend(missing)
     return tasks, list(dict.fromkeys(notes))
 
 

@@ -6,13 +6,14 @@ from collections.abc import Mapping, Sequence
 
 from meshlab_svbrdf.presets import PRESETS
 
-from . import ablation, accuracy, performance, photographs, timing
+from . import ablation, accuracy, materials, page, performance, photographs, timing
 from .ledger import ROOT, Row
 from .plot import time_plot
 from .tables import Column, Table, splice, table
 
 PAGE, README = ROOT / "docs" / "accuracy.md", ROOT / "README.md"
 SPEED = ROOT / "docs" / "performance.md"
+MATERIALS, VIEW = ROOT / "docs" / "materials.md", ROOT / "docs" / "view.md"
 PICTURE = ROOT / "docs" / "images" / "accuracy_time.png"
 PARTS = (accuracy, timing, ablation, photographs)
 SHORT = (
@@ -27,14 +28,16 @@ SHORT = (
 
 
 def write_documents(rows: Mapping[str, Sequence[Row]]) -> None:
-    """Fill the parts of docs/accuracy.md, docs/performance.md and README.md that `rows` has
-    figures for."""
+    """Fill the parts of docs/*.md and README.md that `rows` has figures for."""
     splice(PAGE, "presets", presets_table())
     for part in PARTS:
         own = rows.get(part.PART)
         if own:
             tables = part.tables(own)
             splice(PAGE, part.PART, "\n\n".join(each.markdown() for each in tables))
+    for part, path in ((materials, MATERIALS), (page, VIEW)):
+        if own := rows.get(part.PART):
+            splice(path, part.PART, "\n\n".join(each.markdown() for each in part.tables(own)))
     if own := rows.get(performance.PART):
         text = "\n\n".join(each.markdown() for each in performance.tables(own))
         splice(SPEED, performance.PART, text)

@@ -10,7 +10,7 @@ import http.client
 import json
 import shutil
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from importlib.util import find_spec
@@ -33,7 +33,11 @@ from .ledger import Row, Task
 from .solve import TEXTURE
 from .tables import Table
 
-PART, SERVER, BROWSER = "page", "asked", "chromium"
+PART = "page"
+HOW = {
+    "asked": "asked over HTTP",
+    "clicked": "in Chromium, from the click to the picture, drawn without a graphics card",
+}
 FRAMES, TEXELS = 120, 1200  # of the workload, at most; texels along a side: a million
 TIMES = 20
 WAIT = {"pick": 0.15, "split": 1.0}
@@ -59,11 +63,10 @@ def tasks(frames: int, texture: int, cache: Path | None) -> tuple[list[Task], li
     frames, texture : of the workload; cache : keeps its frames; None: the user's cache
     """
     about = f"{frames} frames, {texture} texels"
-    found = [Task(PART, PART, SERVER, about, partial(_made, _asked, frames, texture, cache))]
-    if not (lacking := why_no_browser()):
-        clicks = partial(_made, _clicked, frames, texture, cache)
-        found.append(Task(PART, PART, BROWSER, about, clicks))
-    return found, [f"{PART}: Chromium left out, {lacking}"] if lacking else []
+    lacking = why_no_browser()
+    notes = [f"{PART}: Chromium left out, {lacking}"] if lacking else []
+    make = partial(_measured, frames, texture, cache, not lacking)
+    return [Task(PART, "workload", f"{texture}×{texture}", about, make)], notes
 
 
 def why_no_browser() -> str:
@@ -75,39 +78,42 @@ def why_no_browser() -> str:
 def tables(rows: Sequence[Row]) -> list[Table]:
     made = []
     for row in rows:
-        if "error" in row:
-            continue
-        cells = []
-        for name, took in row["took_s"].items():
-            limit = WAIT.get(name.partition(",")[0])
-            cells.append([
-                name, f"{len(took)}", f"{1000 * float(np.median(took)):.0f}",
-                f"{1000 * max(took):.0f}", "" if limit is None else f"{1000 * limit:.0f}",
-            ])  # fmt: skip
-        how = "asked over HTTP" if row["name"] == SERVER else "from the click to the picture"
-        made.append(Table(
-            f"{row['texels']:,} texels, {row['triangles']:,} triangles: {how}",
-            ["what", "times", "ms, middle", "ms, worst", "ms allowed"], cells,
-        ))  # fmt: skip
+        for how in HOW if "error" not in row else ():
+            cells = []
+            for name, took in row.get(how, {}).items():
+                limit = WAIT.get(name.partition(",")[0])
+                cells.append([
+                    name, f"{len(took)}", f"{1000 * float(np.median(took)):.0f}",
+                    f"{1000 * max(took):.0f}", "" if limit is None else f"{1000 * limit:.0f}",
+                ])  # fmt: skip
+            title = f"{row['texels']:,} texels, {row['triangles']:,} triangles: {HOW[how]}"
+            heads = ["what", "times", "ms, middle", "ms, worst", "ms allowed"]
+            made += [Table(title, heads, cells)] if cells else []
     return made
 
 
-def _made(
-    measure: Callable[[Session], dict[str, list[float]]], frames: int, texture: int,
-    cache: Path | None, folder: Path,
-) -> Row:  # fmt: skip
-    """A result on the workload, and what a session on it takes."""
+def _measured(frames: int, texture: int, cache: Path | None, browser: bool, folder: Path) -> Row:
+    """A result on the workload, and how long a page of it lets wait."""
     workload = make_workload(cache, frames, Options())
     document = Document.open(workload.first(frames), folder)
     for _ in run_script(document, chain(settings={TEXTURE: texture})):
         pass
     document.save()
-    session = Session(Scene(document.path))
+    return measure(document.path, browser)
+
+
+def measure(project: Path, browser: bool) -> Row:
+    """Seconds of everything that a page on a project asks."""
     began = time.perf_counter()
+    session = Session(Scene(project))
+    opened = time.perf_counter()
     warm(session)
-    took = {"opening, in the background": [time.perf_counter() - began]} | measure(session)
+    took = {"opening": [opened - began], "what is made meanwhile": [time.perf_counter() - opened]}
     texels, mesh = session.scene.texels, session.scene.mesh
-    return {"took_s": took, "texels": len(texels), "triangles": len(mesh.faces)}
+    row: Row = {"texels": len(texels), "triangles": len(mesh.faces)}
+    if browser:
+        row["clicked"] = _clicked(session)
+    return row | {"asked": took | _asked(session)}
 
 
 @contextmanager

@@ -105,7 +105,7 @@ def materials(result: Path, truth: Path) -> Scores:
     described = _json(truth / "materials.json")["materials"]
     least, most = (seen_lobes(truth, of)[0] for of in (np.max, np.min))
     rho_s, alpha = (read_exr(result / "maps" / f"{name}.exr") for name in ("rho_s", "alpha"))
-    ids, inside = _like(rho_s, truth)
+    ids, inside = like_truth(rho_s, truth)
     inside &= read_image(result / "maps" / "valid.png") > 127
     rows = []
     for m, low, high in zip(described, least, most, strict=True):
@@ -155,7 +155,7 @@ def _worst(errors: Iterable[float]) -> float | None:
 def clusters(result: Path, truth: Path) -> Scores:
     """How many, the share of the surface that has a label, and the labels' adjusted Rand index."""
     label = read_image(result / "maps" / "material.png")
-    ids, inside = _like(label, truth)
+    ids, inside = like_truth(label, truth)
     labelled = inside & (label < np.iinfo(label.dtype).max)
     truly, found = (np.where(labelled, a.astype(int), -1).ravel() for a in (ids, label))
     return {
@@ -180,7 +180,7 @@ def adjusted_rand(a: np.ndarray, b: np.ndarray) -> float:
     return (pairs(table) - chance) / max((rows + columns) / 2 - chance, 1e-12)
 
 
-def _like(image: np.ndarray, truth: Path) -> tuple[np.ndarray, np.ndarray]:
+def like_truth(image: np.ndarray, truth: Path) -> tuple[np.ndarray, np.ndarray]:
     """The true material ids and the charts' mask at the image's size."""
     size = image.shape[1::-1]
     ids, mask = (
