@@ -16,6 +16,7 @@ from ._materials import set_labels
 FILTER = Filter(
     name="compute_svbrdf_materials",
     title="SVBRDF: materials",
+    version=2,
     needs=("mesh", "texels", "diffuse"),
     needs_if={
         "visibility": ("gloss", True), "samples": ("gloss", True), "lights": ("gloss", True),

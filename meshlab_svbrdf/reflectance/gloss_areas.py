@@ -6,6 +6,7 @@ areas had one each is exact: loss = RSS(a + b) − RSS(a) − RSS(b).
 
 by_gloss      labels of colour in, labels of colour and gloss out
 part_unlike   clusters whose patches fall into two kinds of gloss
+join_silent   clusters on which no lamp is mirrored, by colour
 join_alike    clusters whose highlights one lobe explains
 """
 
@@ -35,6 +36,8 @@ WORTH = 0.05
 APART = 4.0
 """Between-parts over within-parts spread of patches, from which on they are of two kinds: one kind,
 cut in the middle, has 1.8 (normal) to 3 (even)."""
+SURE = 9.0
+"""Noise variances that a lobe must leave more than none, to be contradicted."""
 HELD = 0.5
 """Of the gain on the patches' one half, what must be there on the other."""
 DEPTH = 2
@@ -69,15 +72,18 @@ class Lit:
 
 
 def by_gloss(
-    observations: Observations, labels: np.ndarray, lights: list[Light], turn: np.ndarray
-) -> np.ndarray:
+    observations: Observations, labels: np.ndarray, colors: np.ndarray, lights: list[Light],
+    turn: np.ndarray, reach: float,
+) -> np.ndarray:  # fmt: skip
     """Labels (T,) int32 after clusters came apart whose gloss is of two kinds, and were joined
     whose gloss is one: by falling size, -1 for none.
 
-    labels : (T,) int32, of like colour, ids from 0 without a gap; lights : as the environment map
-    shows them; turn : (T,) radians per radius that the normals turn by
+    labels : (T,) int32, of like colour, ids from 0 without a gap; colors : (T, 3), those it was
+    told by, see `materials.color_space`; lights : as the environment map shows them; turn : (T,)
+    radians per radius that the normals turn by
 
-    Clusters whose gloss the samples do not determine stay as they are.
+    A cluster whose own gloss the samples do not tell joins the one of nearest colour, up to `reach`
+    away, whose lobe they do not contradict; without such a one it stays as it is.
     """
     lit = light_up(observations, labels, lights, turn)
     for _ in range(DEPTH):
@@ -88,8 +94,14 @@ def by_gloss(
             break
         labels = parted
         lit = light_up(observations, labels, lights, turn)
-    observed = np.array([m.observed for m in lit.found.materials])
-    return by_size(join_alike(labels, area_sums(lit, labels, np.arange(len(observed))), observed))
+    if not lit.lights:
+        return labels
+    materials = lit.found.materials
+    observed = np.array([m.observed for m in materials])
+    sums = area_sums(lit, labels, np.arange(len(observed)))
+    noise = np.array([m.noise for m in materials])
+    followed = join_silent(labels, sums, observed, noise, colors, reach)
+    return by_size(join_alike(followed, sums, observed))
 
 
 def by_size(labels: np.ndarray) -> np.ndarray:
@@ -159,6 +171,29 @@ def join_alike(labels: np.ndarray, sums: np.ndarray, observed: np.ndarray) -> np
         sums[a] += sums[b]
         into[into == b] = a
         alive.remove(b)
+    return np.append(into, -1)[labels].astype(np.int32)
+
+
+def join_silent(
+    labels: np.ndarray, sums: np.ndarray, observed: np.ndarray, noise: np.ndarray,
+    colors: np.ndarray, reach: float,
+) -> np.ndarray:  # fmt: skip
+    """Labels (T,) after clusters that show no gloss of their own followed the nearest colour.
+
+    noise : (M,) of the residuals; colors : (T, 3); reach : the farthest that a colour may be
+    """
+    mean = np.array([colors[labels == m].mean(0, dtype=float) for m in range(len(sums))])
+    into = np.arange(len(sums))
+    for m in np.flatnonzero(~observed):
+        best = profile(sums[m]).rss.min()
+        near = [
+            (float(np.linalg.norm(mean[k] - mean[m])), int(k))
+            for k in np.flatnonzero(observed)
+            if _under(sums[m][None], _fitted(sums[k][None]))[0] - best < SURE * noise[m] ** 2
+        ]
+        away, nearest = min(near, default=(np.inf, -1))
+        if away <= reach:
+            into[m] = nearest
     return np.append(into, -1)[labels].astype(np.int32)
 
 

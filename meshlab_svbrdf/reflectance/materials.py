@@ -203,14 +203,14 @@ def _mixtures(colors, adjacency, labels, piece, means, strip) -> np.ndarray:
     found = np.zeros(piece.max() + 1, bool)
     if strip <= 0:
         return found
-    inside = piece >= 0
+    inside, (indptr, indices) = piece >= 0, adjacency
     deepest = np.zeros(len(found), int)
-    np.maximum.at(deepest, piece[inside], regions.depths(*adjacency, labels)[inside])
+    np.maximum.at(deepest, piece[inside], regions.depths(indptr, indices, labels)[inside])
     thin_ones = np.flatnonzero((deepest > 0) & (deepest <= strip))
     if not len(thin_ones):
         return found
     counts = np.zeros((len(found), len(means)), np.int64)
-    regions.contacts(*adjacency, labels, piece, counts)
+    regions.contacts(indptr, indices, labels, piece, counts)
     own, _ = _means(piece, colors)
     for p in thin_ones:
         b, a = np.argsort(counts[p], kind="stable")[-2:]

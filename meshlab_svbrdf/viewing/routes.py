@@ -46,7 +46,12 @@ def _scene(session: Session, given: Given) -> Answer:
     has_diffuse = scene.attribute("diffuse") is not None
     return Answer.json(
         wire.outline(scene)
-        | {"maps": maps.available(scene), "finds": has_diffuse, "threshold": session.threshold}
+        | {
+            "maps": maps.available(scene),
+            "finds": has_diffuse,
+            "threshold": session.threshold,
+            "gloss": session.by_gloss,
+        }
     )
 
 

@@ -81,6 +81,12 @@ class Session:
         given = [step.parameters.get("threshold") for step in self.state.start]
         return float(given[0] if given and given[0] else self._options()["threshold"])
 
+    @property
+    def by_gloss(self) -> bool:
+        """Whether `find` asks the highlights, too."""
+        fresh = self.scene.fresh
+        return bool(self._options()["gloss"]) and fresh("samples") and fresh("lights")
+
     def describe(self) -> dict[str, Any]:
         """Revision, clusters and history, as JSON."""
         with self.lock:
@@ -168,7 +174,7 @@ class Session:
         self._diffuse()
         options = {**self._options(), "threshold": threshold}
         words = f"found with threshold {threshold:g}"
-        if options["gloss"] and not (scene.fresh("samples") and scene.fresh("lights")):
+        if options["gloss"] and not self.by_gloss:
             options["gloss"] = False
             words += ", by colour alone"
         labels, _ = find_clusters(scene.document, Progress(), **options)

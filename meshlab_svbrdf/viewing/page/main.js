@@ -228,12 +228,13 @@ function leave() {
 async function preview() {
   const asked = ++told.preview, threshold = Number($("threshold").value);
   $("threshold-value").textContent = threshold;
+  $("preview-note").textContent = "Looking…";
   const answer = await tryTo(() => array(`preview?threshold=${threshold}`, Uint16Array));
   if (!answer || asked !== told.preview) return;
   previewing = true;
   object.label(answer[0]);
   const count = new Set(answer[0].filter((v) => v !== 65535)).size;
-  $("preview-note").textContent = `Preview: about ${count} clusters.`;
+  $("preview-note").textContent = `By colour about ${count} clusters${scene.gloss ? "; gloss then joins and parts them" : ""}.`;
   $("find").disabled = $("cancel").disabled = false;
   showClusters();
 }
@@ -279,6 +280,7 @@ async function endStroke(more) {
   await endPreview();
   const rays = stroke.map((s) => s.ray), one = selected.size === 1 ? [...selected][0] : -1;
   stroke = [];
+  say("Cutting…");
   const next = await edit("split", { rays, cluster: one, through: $("through").checked });
   if (next) use("pick");
   return redraw();
@@ -313,7 +315,7 @@ $("merge").onclick = async () => {
 };
 $("find").onclick = async () => {
   const threshold = Number($("threshold").value);
-  say("Finding the clusters…");
+  say("Finding the clusters: some seconds…");
   previewing = false;
   if (await edit("find", { threshold })) scene.threshold = threshold;
   previewing = true;
