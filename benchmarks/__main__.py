@@ -20,6 +20,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -64,7 +65,8 @@ PARTS = {
 def main() -> None:
     arguments = _arguments()
     if arguments.result:
-        judge_result(arguments.result)
+        judge = time_page if arguments.part == page.PART else judge_result
+        judge(arguments.result)
         return
     ledger = Ledger(arguments.out, arguments.old, lambda line: print(line, file=sys.stderr))
     try:
@@ -150,6 +152,20 @@ def judge_result(path: Path) -> None:
         Console().print(table.rich())
 
 
+def time_page(path: Path) -> None:
+    """Print how long the page of a result of the user's own, a copy of it, lets one wait."""
+    try:
+        with tempfile.TemporaryDirectory() as folder:
+            copy = Document.open(path)
+            copy.move_to(Path(folder) / path.name, link=True)
+            copy.save()
+            row = page.measure(copy.path, not page.why_no_browser())
+    except SvbrdfError as error:
+        raise SystemExit(f"Error: {error}") from None
+    for table in page.tables([row]):
+        Console().print(table.rich())
+
+
 def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         prog="python -m benchmarks",
@@ -157,7 +173,9 @@ def _arguments() -> argparse.Namespace:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("part", nargs="?", choices=list(PARTS))
-    parser.add_argument("result", nargs="?", type=Path, help="a result to judge (photographs)")
+    parser.add_argument(
+        "result", nargs="?", type=Path, help="a result to judge (photographs, page)"
+    )
     parser.add_argument("--all", action="store_true", help="every part")
     parser.add_argument("--scene", action="append", default=[], metavar="NAME")
     parser.add_argument("--texture-size", type=int, help="of all runs, where a part has no own")
@@ -178,8 +196,9 @@ def _arguments() -> argparse.Namespace:
                      help="take rows that older code made")  # fmt: skip
     parser.set_defaults(old="again")
     arguments = parser.parse_args()
-    if arguments.result and arguments.part != photographs.PART:
-        parser.error(f"only `{photographs.PART}` judges a result")
+    judging = (photographs.PART, page.PART)
+    if arguments.result and arguments.part not in judging:
+        parser.error(f"only {' and '.join(judging)} judge a result")
     if arguments.peers == []:
         from .peers import PEERS  # some need packages that the rest does not
 

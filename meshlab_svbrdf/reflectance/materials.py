@@ -140,7 +140,7 @@ def segment(
     for _ in range(SETTLING_ROUNDS):
         labels = regions.settle(colors, *adjacency, labels, _means(labels, colors)[0])
     if join:
-        labels = _without_strips(colors, adjacency, labels, strip, smallest)
+        labels = _without_strips(diffuse, colors, adjacency, labels, strip, smallest)
     return _keep_largest(labels, 0)
 
 
@@ -174,8 +174,8 @@ def segment_surface(
 
 
 def _without_strips(
-    colors: np.ndarray, adjacency: tuple[np.ndarray, np.ndarray], labels: np.ndarray, strip: float,
-    smallest: float,
+    diffuse: np.ndarray, colors: np.ndarray, adjacency: tuple[np.ndarray, np.ndarray],
+    labels: np.ndarray, strip: float, smallest: float,
 ) -> np.ndarray:  # fmt: skip
     """Labels after mixtures along borders, specks, and what is small without them, are gone."""
     for _ in range(STRIP_ROUNDS):
@@ -183,10 +183,12 @@ def _without_strips(
         piece = regions.pieces(*adjacency, labels)
         if piece.max(initial=-1) < 0:
             break
-        gone = _mixtures(colors, adjacency, labels, piece, means, strip)
+        sides = _mixtures(colors, adjacency, labels, piece, means, strip)
+        mixed = (piece >= 0) & (sides[piece, 0] >= 0)
         size = np.bincount(piece[piece >= 0])
-        gone |= (size < smallest / SPECKS) & (size < size.max())
-        labels = np.where(gone[piece] & (piece >= 0), -1, labels).astype(np.int32)
+        gone = (size < smallest / SPECKS) & (size < size.max())
+        labels = _unmixed(diffuse, labels, mixed, sides[piece])
+        labels = np.where(gone[piece] & (piece >= 0) & ~mixed, -1, labels).astype(np.int32)
         few = np.bincount(labels[labels >= 0], minlength=len(means)) < smallest
         few[count.argmax()] = False
         labels = np.where(np.append(few, False)[labels], -1, labels).astype(np.int32)
@@ -199,17 +201,17 @@ def _without_strips(
 
 
 def _mixtures(colors, adjacency, labels, piece, means, strip) -> np.ndarray:
-    """Which pieces (P,) are thin, and of a colour between those on their two sides."""
-    found = np.zeros(piece.max() + 1, bool)
+    """The labels (P, 2) between whose colours a thin piece's lies; -1 where it is no such one."""
+    sides = np.full((piece.max() + 1, 2), -1)
     if strip <= 0:
-        return found
+        return sides
     inside, (indptr, indices) = piece >= 0, adjacency
-    deepest = np.zeros(len(found), int)
+    deepest = np.zeros(len(sides), int)
     np.maximum.at(deepest, piece[inside], regions.depths(indptr, indices, labels)[inside])
     thin_ones = np.flatnonzero((deepest > 0) & (deepest <= strip))
     if not len(thin_ones):
-        return found
-    counts = np.zeros((len(found), len(means)), np.int64)
+        return sides
+    counts = np.zeros((len(sides), len(means)), np.int64)
     regions.contacts(indptr, indices, labels, piece, counts)
     own, _ = _means(piece, colors)
     for p in thin_ones:
@@ -219,8 +221,23 @@ def _mixtures(colors, adjacency, labels, piece, means, strip) -> np.ndarray:
         line = means[b] - means[a]
         share = (own[p] - means[a]) @ line / (line @ line)
         off = np.linalg.norm(own[p] - means[a] - share * line)
-        found[p] = BETWEEN < share < 1 - BETWEEN and off < OFF_THE_LINE * np.linalg.norm(line)
-    return found
+        if BETWEEN < share < 1 - BETWEEN and off < OFF_THE_LINE * np.linalg.norm(line):
+            sides[p] = a, b
+    return sides
+
+
+def _unmixed(diffuse, labels, mixed, sides) -> np.ndarray:
+    """Labels after mixed texels (T,) bool went to the one of their sides (T, 2) that is more of
+    their colour: D = a A + b B in linear light, by least squares."""
+    mean, _ = _means(labels, np.nan_to_num(diffuse))
+    chosen = np.flatnonzero(mixed)
+    first, second = mean[sides[chosen, 0]], mean[sides[chosen, 1]]
+    aa, bb, ab = ((x * y).sum(1) for x, y in ((first, first), (second, second), (first, second)))
+    da, db = ((diffuse[chosen] * x).sum(1) for x in (first, second))
+    more = da * (bb + ab) > db * (aa + ab)  # a > b
+    unmixed = labels.copy()
+    unmixed[chosen] = np.where(more, sides[chosen, 0], sides[chosen, 1])
+    return unmixed
 
 
 def _means(labels: np.ndarray, colors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
