@@ -11,7 +11,7 @@ import json
 import shutil
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
@@ -147,8 +147,10 @@ def _served(session: Session) -> Iterator[PageServer]:
 
 def _asked(session: Session) -> Took:
     took: Took = {}
-    with _served(session) as server:
-        line = http.client.HTTPConnection(HOST, server.server_port)
+    with (
+        _served(session) as server,
+        closing(http.client.HTTPConnection(HOST, server.server_port)) as line,
+    ):
         headers = {"X-Svbrdf": "1", "Cookie": f"{server.cookie}={server.token}"}
 
         def ask(name: str, path: str, given: dict[str, Any] | None = None) -> Any:

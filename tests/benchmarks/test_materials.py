@@ -34,7 +34,7 @@ def test_a_user_merges_what_is_one_and_cuts_what_is_two():
     assert [words.split()[0] for words in done[:2]] in (["merge", "split"], ["split", "merge"])
     assert len(done) <= OPERATIONS
     assert adjusted_rand(TRUTH, broken) < 0.8
-    assert adjusted_rand(TRUTH, edited) > 0.95
+    assert adjusted_rand(TRUTH, edited) > 0.9
 
 
 def test_a_user_leaves_alone_what_is_right():
@@ -43,7 +43,10 @@ def test_a_user_leaves_alone_what_is_right():
     np.testing.assert_array_equal(edited, TRUTH)
 
 
-def test_the_page_is_timed_and_its_table_says_what_is_allowed(tmp_path_factory, tmp_path):
+def test_the_page_is_timed_and_its_table_says_what_is_allowed(
+    tmp_path_factory, tmp_path, monkeypatch
+):
+    monkeypatch.setattr(page, "TIMES", 4)
     project = copied(tmp_path_factory, WALK, tmp_path / "result").save()
     (table,) = page.tables([page.measure(project, browser=False)])
     rows = {cells[0]: cells[1:] for cells in table.cells}

@@ -196,8 +196,8 @@ def test_a_mixture_along_a_border_goes_to_its_sides(globe):
 
 def test_a_line_of_its_own_colour_stays(globe):
     position, adjacency = globe
-    line = np.abs(position[:, 2:] - 0.3) < 0.04
-    lined = np.where(line, IVORY, two_colors(position))
+    line = np.abs(position[:, 2:] - 0.3) < 0.08
+    lined = np.where(line, [8.0, 40, 6], two_colors(position))
     labels = segment(lined, adjacency)
     assert labels.max() == 2
     assert np.array_equal(labels == labels[line[:, 0]][0], line[:, 0])

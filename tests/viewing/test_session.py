@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from totems import (
     DIFFUSE,
+    ENVIRONMENT,
     GLOSS,
     MATERIALS,
     SAMPLES,
@@ -286,9 +287,10 @@ def test_a_project_by_gloss_is_found_anew_by_gloss(project):
     np.testing.assert_array_equal(saved(project), session.labels)
 
     # Without samples that are up to date it is by colour, and says so
-    Document.open(project).apply(SAMPLES, step=2)
-    Document.open(project).apply(THRESHOLD)
-    Document.open(project).apply(DIFFUSE)
+    document = Document.open(project)
+    document.apply(SAMPLES, step=2)
+    for name in (THRESHOLD, ENVIRONMENT, DIFFUSE):
+        document.apply(name)
     later = Session(Scene(project))
     assert not later.by_gloss
     later.find(10.0)
