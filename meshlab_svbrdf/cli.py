@@ -1,4 +1,4 @@
-"""The shell: `meshlab-svbrdf register | run | plan | apply | info | render | view | bench` …
+"""The shell: `meshlab-svbrdf register | run | batch | plan | apply | info | render | view` …
 
 What the commands are called and take. `commands.py` does it, and is imported when one is run, so
 that `--help` comes at once.
@@ -97,6 +97,29 @@ def run(
         texture_size=texture_size, materials=materials, hold_out=hold_out, settings=settings,
         layer=layer, force=force, as_json=as_json,
     )  # fmt: skip
+
+
+@app.command(context_settings={"allow_extra_args": True, "ignore_unknown_options": True})
+def batch(
+    context: typer.Context,
+    projects: Annotated[
+        Path,
+        typer.Argument(metavar="LIST", help="A text file: a project a line.", show_default=False),
+    ],
+    output: Annotated[
+        Path, typer.Option("-o", "--output", help="The folder for the results, one each.")
+    ],
+    retries: Annotated[
+        int, typer.Option(help="Further attempts at a project whose run was killed.", min=0)
+    ] = 1,
+) -> None:
+    """Run the chain on every project of LIST; all other options are those of `run`.
+
+    A project that fails is named, and the others go on. The same command goes on where it was.
+    """
+    from . import commands_batch
+
+    commands_batch.batch(projects, output, context.args, retries)
 
 
 @app.command()
