@@ -18,9 +18,7 @@ FILTER = Filter(
     title="SVBRDF: materials",
     version=2,
     needs=("mesh", "texels", "diffuse"),
-    needs_if={
-        "visibility": ("gloss", True), "samples": ("gloss", True), "lights": ("gloss", True),
-    },
+    needs_if={"lights": ("gloss", True)},  # the samples are what the diffuse colour is from
     writes=("materials",),
     parameters=(
         Parameter(
