@@ -6,7 +6,17 @@ from collections.abc import Mapping, Sequence
 
 from meshlab_svbrdf.presets import PRESETS
 
-from . import ablation, accuracy, export, performance, photographs, relighting, timing
+from . import (
+    ablation,
+    accuracy,
+    export,
+    materials,
+    page,
+    performance,
+    photographs,
+    relighting,
+    timing,
+)
 from .ledger import ROOT, Row
 from .plot import time_plot
 from .stability import part as stability
@@ -16,6 +26,7 @@ PAGE, README = ROOT / "docs" / "accuracy.md", ROOT / "README.md"
 SPEED = ROOT / "docs" / "performance.md"
 RELIT = {"relighting": ROOT / "docs" / "albedo.md", "rendering": ROOT / "docs" / "rendering.md"}
 STABILITY = ROOT / "docs" / "stability.md"
+MATERIALS, VIEW = ROOT / "docs" / "materials.md", ROOT / "docs" / "view.md"
 PICTURE = ROOT / "docs" / "images" / "accuracy_time.png"
 EXPORT = ROOT / "docs" / "export.md"
 EXPORT_PICTURE = ROOT / "docs" / "images" / "export.png"
@@ -42,14 +53,17 @@ def write_documents(rows: Mapping[str, Sequence[Row]]) -> None:
     if own := rows.get(export.PART):
         splice(EXPORT, export.PART, "\n\n".join(each.markdown() for each in export.tables(own)))
         export.picture(own, EXPORT_PICTURE)
+    for part, path in ((materials, MATERIALS), (page, VIEW)):
+        if own := rows.get(part.PART):
+            splice(path, part.PART, "\n\n".join(each.markdown() for each in part.tables(own)))
     if own := rows.get(performance.PART):
         text = "\n\n".join(each.markdown() for each in performance.tables(own))
         splice(SPEED, performance.PART, text)
         if paper := performance.paper_table(own):
             splice(README, performance.PART, paper.markdown())
     if own := rows.get(relighting.PART):
-        for (name, page), each in zip(RELIT.items(), relighting.tables(own), strict=False):
-            splice(page, name, each.markdown())
+        for (name, where), each in zip(RELIT.items(), relighting.tables(own), strict=False):
+            splice(where, name, each.markdown())
     if own := rows.get(stability.PART):
         for row in own:
             text = "\n\n".join(each.markdown() for each in stability.tables([row]))

@@ -79,8 +79,7 @@ def _paint(scene: Scene, name: str) -> Shown:
 
 def project_frame(scene: Scene, frame: int) -> np.ndarray:
     """The frame's samples on the texels (T, 3), as filters read them; unobserved elsewhere."""
-    if not 0 <= frame < len(scene.frames):
-        raise SvbrdfError(f"there are the frames 0 to {len(scene.frames) - 1}, not {frame}")
+    scene.check_frame(frame)
     store = scene.observations.store
     colors = np.broadcast_to(UNOBSERVED, (len(scene.texels), 3)).copy()
     for first, chunk in store.placed():
