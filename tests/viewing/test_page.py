@@ -365,9 +365,7 @@ def test_a_frame_that_is_gone_is_said_and_its_camera_still_stands(page, served, 
     page.select_option("#map", "frame")
     page.locator("#frame").fill("2")
     page.click("#stand")
-    page.wait_for_function(
-        "document.querySelector('#shot figcaption').textContent.includes('gone')"
-    )
+    page.locator("#shot figcaption", has_text="gone").wait_for()
     assert page.locator("#stand").get_attribute("aria-pressed") == "true"
 
 
