@@ -19,9 +19,11 @@ from meshlab_svbrdf.geometry.mesh import Mesh
 from meshlab_svbrdf.progress import Progress
 from meshlab_svbrdf.registration.points import solve_camera_from_points
 from meshlab_svbrdf.registration.refine import refine_camera
+from meshlab_svbrdf.registration.results import Options
 
 from ._clips import Place, centred_lens, coefficients, find_frame, find_raster, focal_length
 
+PICKED = 2.0  # pixels, RMS, by which a camera from picks, or a rough one, may still be wrong
 SLIPPED = 0.02  # of the frame's width: picked points that a camera misses by more are wrong
 
 STARTS = (
@@ -135,8 +137,9 @@ def lens_of(clip: Clip, starts: list[Start], parameters: Namespace) -> Lens | No
 def solve_start(
     mesh: Mesh, clip: Clip, start: Start, lens: Lens | None, frames: ClipFrames, frame: int,
     parameters: Namespace,
-) -> tuple[Camera, str]:  # fmt: skip
-    """The start's camera of the undistorted frame, and what is to be said of it.
+) -> tuple[Camera, float, str]:  # fmt: skip
+    """The start's camera of the undistorted frame, by how many pixels it may be wrong, and what is
+    to be said of it.
 
     frame : where in `frames` it is
     """
@@ -151,14 +154,15 @@ def solve_start(
         said = start.name
     else:
         camera, said = _solve_points(clip, start, lens, focal)
+    error = Options.start_error if start.filmed is not None else PICKED
     if not start.rough:
-        return camera, said
+        return camera, error, said
     free = start.filmed is None and focal is None
     refined = refine_camera(mesh.vertices, mesh.faces, frames[frame], camera, free_focal=free)
     if refined.converged:
-        return refined.camera, f"{said}, refined"
+        return refined.camera, PICKED, f"{said}, refined"
     if start.filmed is None:
-        return camera, f"{said}, not refined: mutual information did not converge"
+        return camera, error, f"{said}, not refined: mutual information did not converge"
     raise SvbrdfError(
         f"{start.name}: its camera does not converge: mutual information finds no place where mesh "
         "and frame agree; start from within 5° and 5 % of the distance, or pick points"
