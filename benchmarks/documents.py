@@ -6,13 +6,13 @@ from collections.abc import Mapping, Sequence
 
 from meshlab_svbrdf.presets import PRESETS
 
-from . import ablation, accuracy, performance, photographs, timing
+from . import ablation, accuracy, performance, photographs, registration, timing
 from .ledger import ROOT, Row
 from .plot import time_plot
 from .tables import Column, Table, splice, table
 
 PAGE, README = ROOT / "docs" / "accuracy.md", ROOT / "README.md"
-SPEED = ROOT / "docs" / "performance.md"
+SPEED, CAMERAS = ROOT / "docs" / "performance.md", ROOT / "docs" / "registration.md"
 PICTURE = ROOT / "docs" / "images" / "accuracy_time.png"
 PARTS = (accuracy, timing, ablation, photographs)
 SHORT = (
@@ -27,8 +27,7 @@ SHORT = (
 
 
 def write_documents(rows: Mapping[str, Sequence[Row]]) -> None:
-    """Fill the parts of docs/accuracy.md, docs/performance.md and README.md that `rows` has
-    figures for."""
+    """Fill the parts of the pages and README.md that `rows` has figures for."""
     splice(PAGE, "presets", presets_table())
     for part in PARTS:
         own = rows.get(part.PART)
@@ -40,6 +39,9 @@ def write_documents(rows: Mapping[str, Sequence[Row]]) -> None:
         splice(SPEED, performance.PART, text)
         if paper := performance.paper_table(own):
             splice(README, performance.PART, paper.markdown())
+    if own := rows.get(registration.PART):
+        text = "\n\n".join(each.markdown() for each in registration.tables(own))
+        splice(CAMERAS, registration.PART, text)
     measured = timing.over_time(r for r in rows.get(timing.PART, ()) if "error" not in r)
     if measured:
         time_plot(measured, PICTURE)

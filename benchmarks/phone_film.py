@@ -249,9 +249,9 @@ def _boxes(options: Options, share: float) -> np.ndarray:
     found[1] = [[-ROOM[0] / 2, floor, -ROOM[2] / 2], [ROOM[0] / 2, floor + ROOM[1], ROOM[2] / 2]]
     if options.person:
         way = np.radians(150 + 260 * share)
-        at = 900 * np.array([np.sin(way), 0, np.cos(way)])
-        low = at - PERSON / 2
-        found.append([low + [0, floor - low[1] - 400, 0], low + PERSON + [0, floor - low[1], 0]])
+        low = 900 * np.array([np.sin(way), 0, np.cos(way)]) - PERSON / 2
+        low[1] = floor
+        found.append([low, low + PERSON])
     return np.array(found, float)
 
 
@@ -283,7 +283,7 @@ def _label(shape: tuple[int, int], board: np.ndarray, rng: np.random.Generator) 
     picture = cv2.resize(rng.integers(0, 256, (9, 9, 3), np.uint8), (w // 3, h // 4),
                          interpolation=cv2.INTER_CUBIC)  # fmt: skip
     face[h // 3 : h // 3 + h // 4, left : left + w // 3] = picture
-    words = "flour water salt yeast sugar honey barley malt oats rye wheat bran".split()
+    words = ["flour", "water", "salt", "yeast", "honey", "barley", "malt", "oats", "rye", "wheat"]
     for line in range(9):
         text = " ".join(rng.choice(words, 4))
         at = left, int(h * 0.68) + line * max(h // 45, 9)

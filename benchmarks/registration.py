@@ -100,8 +100,8 @@ def _phone(cache: Path | None, told: dict[str, str | float], grown: float, folde
     wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
     frames = document.json("registration")["clips"][0]["frames"]
     errors = [
-        film.error(k, camera_from(frame["camera"]), lens_from(frame["lens"]))
-        for k, frame in enumerate(frames) if frame["used"]
+        film.error(frame["index"], camera_from(frame["camera"]), lens_from(frame["lens"]))
+        for frame in frames if frame["used"]
     ]  # fmt: skip
     return {"kind": PHONE, "frames": len(frames), "errors": errors, "seconds": wall, "cpu": cpu}
 

@@ -18,12 +18,12 @@ from meshlab_svbrdf.geometry.lens import Lens, with_coefficients
 from meshlab_svbrdf.geometry.mesh import Mesh
 from meshlab_svbrdf.progress import Progress
 from meshlab_svbrdf.registration.points import solve_camera_from_points
-from meshlab_svbrdf.registration.refine import refine_camera
+from meshlab_svbrdf.registration.refine import refine_camera, settle_camera
 from meshlab_svbrdf.registration.results import Options
 
 from ._clips import Place, centred_lens, coefficients, find_frame, find_raster, focal_length
 
-PICKED = 2.0  # pixels, RMS, by which a camera from picks, or a rough one, may still be wrong
+PICKED = 2.0 / 1920  # of the frame's longer side, by which a camera from picks may be wrong, RMS
 SLIPPED = 0.02  # of the frame's width: picked points that a camera misses by more are wrong
 
 STARTS = (
@@ -43,7 +43,8 @@ STARTS = (
     ),
     Parameter(
         "refine_start", "bool", True,
-        help="Refine cameras from picked points by mutual information too, where that converges.",
+        help="Move cameras from picked points to where the mesh's silhouette and sharp edges are "
+        "the frame's, where it shows them.",
     ),
 )  # fmt: skip
 
@@ -154,15 +155,17 @@ def solve_start(
         said = start.name
     else:
         camera, said = _solve_points(clip, start, lens, focal)
-    error = Options.start_error if start.filmed is not None else PICKED
+    picked = PICKED * max(clip.size)
+    error = Options.start_error if start.filmed is not None else picked
     if not start.rough:
         return camera, error, said
     free = start.filmed is None and focal is None
-    refined = refine_camera(mesh.vertices, mesh.faces, frames[frame], camera, free_focal=free)
+    refine = settle_camera if start.filmed is None else refine_camera
+    refined = refine(mesh.vertices, mesh.faces, frames[frame], camera, free_focal=free)
     if refined.converged:
-        return refined.camera, PICKED, f"{said}, refined"
+        return refined.camera, picked, f"{said}, refined"
     if start.filmed is None:
-        return camera, error, f"{said}, not refined: mutual information did not converge"
+        return camera, error, f"{said}, not refined: the frame does not show the mesh's lines there"
     raise SvbrdfError(
         f"{start.name}: its camera does not converge: mutual information finds no place where mesh "
         "and frame agree; start from within 5° and 5 % of the distance, or pick points"

@@ -122,10 +122,10 @@ def _register(
         words.append(f"{clip.source.name} from the frames before it")
     if lens is not None and parameters.distortion.strip() == "auto":
         words.append(f"distortion k1 {lens.coefficients[0]:+.4f}")
+    options = replace(options, start_error=max(errors, default=PICKED * max(clip.size)))
     result = register_frames(
-        mesh.vertices, mesh.faces, frames, cameras,
-        replace(options, start_error=max(errors, default=PICKED)), progress.part(0.5, 1),
-    )  # fmt: skip
+        mesh.vertices, mesh.faces, frames, cameras, options, progress.part(0.5, 1)
+    )
     return frames, result, words
 
 

@@ -86,8 +86,8 @@ def _slopes(points, planes, found, whitener, R, t, lens, other_R, other_t, resid
 
 
 def _linear(keyframe: Keyframe, matches: Matches, camera: Camera):
-    """Whitened residuals (n, 2) and their slopes (n, 2, 13) by the frame's and the keyframe's twist,
-    and by the logarithm of the focal length."""
+    """Whitened residuals (n, 2) and their slopes (n, 2, 13): by the frame's twist, the keyframe's,
+    and the logarithm of the focal length."""
     residual, J = np.empty((len(matches), 2)), np.empty((len(matches), 2, 13))
     lens = np.array([camera.fx, camera.fy, camera.cx, camera.cy])
     _slopes(

@@ -22,7 +22,8 @@ from .surface import Surface, View
 
 EVERY = 5.0  # pixels between points along the lines
 MOST = 240  # points of a frame
-REACH = 8  # pixels to each side in which a step is looked for
+REACH = 3, 8  # pixels, at least and at most, to each side in which a step is looked for
+REACH_SHARE = 1 / 30  # of the object's radius in the frame: the same
 ALONG = 2  # pixels to each side along the line over which its profile is averaged
 FAINTEST = 3.0  # codes per pixel: a step that is one
 RIVAL = 0.5  # of the strongest step: a nearer one that is as strong is taken first
@@ -83,7 +84,9 @@ def outline(
     along = camera.project(ends)[:, :2] - at
     along /= np.linalg.norm(along, axis=1, keepdims=True).clip(1e-9)
     across = np.column_stack([-along[:, 1], along[:, 0]])
-    offset, ok = _steps(image, at, along, across)
+    rim = camera.fx / max(camera.t[2], 1e-9)
+    reach = int(np.clip(REACH_SHARE * rim, *REACH))
+    offset, ok = _steps(image, at, along, across, reach)
     whitener = across[:, :, None] * across[:, None, :]
     found = at + offset[:, None] * across
     return Outline(points[ok], found[ok], whitener[ok], len(ok))
@@ -155,9 +158,9 @@ def _points(view: View, camera: Camera, surface: Surface, edges: Edges):
     return points[some], b[line[some]]
 
 
-def _steps(image: np.ndarray, at: np.ndarray, along: np.ndarray, across: np.ndarray):
+def _steps(image: np.ndarray, at: np.ndarray, along: np.ndarray, across: np.ndarray, most: int):
     """How far (n,) across a line its step is, the nearest strong one, and whether there is one."""
-    reach = np.arange(-REACH - 1.0, REACH + 2.0)
+    reach = np.arange(-most - 1.0, most + 2.0)
     beside = np.arange(-ALONG, ALONG + 1.0)
     places = (
         at[:, None, None]

@@ -14,7 +14,7 @@ from ..geometry.camera import Camera
 from .contrast import to_grey
 from .mutual_information import Comparison, Shape, face_predictors, simplified
 from .outlines import fit_outline
-from .overlay import feature_edges
+from .overlay import Edges, feature_edges
 from .surface import Surface
 
 SIZES = (30, 60, 120)  # pixels of the object's radius: where it is looked for, and each step
@@ -28,7 +28,7 @@ KEPT = (24, 8)  # of all, that each step improves
 AGREE = 0.02  # of the object's radius in the frame, within which two places are one
 NEAREST = 3.0  # pixels; the same, where the object is small
 AHEAD = 0.02  # nats a pixel, by which there must be more than without an object
-HOLD = 4.0  # pixels at FINE, by which the last step's cameras may be wrong
+HOLD = 3.0  # pixels at FINE, by which the last step's cameras may be wrong
 AGREED = 0.45  # share of the geometry's lines that the frame must have, or it may be elsewhere
 APART_BY = 0.1  # by which the share of another place must be less
 
@@ -72,6 +72,27 @@ class _Motions:
         return replace(c, R=turned, t=t, fx=c.fx * longer, fy=c.fy * longer)
 
 
+def settle(
+    image: np.ndarray, camera: Camera, surface: Surface, edges: Edges, free_focal: bool = False
+) -> tuple[Camera, float]:
+    """A camera that is right but for a few pixels, moved to where the geometry's lines are the
+    frame's, and the share of them that are; in the scaled world.
+
+    image : (h, w) uint8
+    """
+    share = 0.0
+    rim = camera.fx / max(camera.t[2], 1e-9)
+    for times in sorted({max(round(rim / FINE), 1), 1}, reverse=True):
+        h, w = (n // times for n in image.shape)
+        small = cv2.resize(image[: h * times, : w * times], (w, h), interpolation=cv2.INTER_AREA)
+        inner = replace(camera.reduced(times), width=w, height=h)
+        inner, share = fit_outline(small, inner, surface, edges, HOLD, free_focal)
+        camera = replace(
+            camera, R=inner.R, t=inner.t, fx=inner.fx * times, fy=inner.fy * times
+        )  # fmt: skip
+    return camera, share
+
+
 class InformationSearch:
     """`refine_camera` for many frames of one surface; cameras in the world."""
 
@@ -104,7 +125,8 @@ class InformationSearch:
             found = _best(climbed, step)
         near = max(AGREE * rim, NEAREST)
         places = _apart(found, self.surface.visible_points(found[0]), near)
-        settled = [self._settle(image, each, rim, free_focal) for each in places]
+        grey = to_grey(image)
+        settled = [settle(grey, each, self.surface, self.edges, free_focal) for each in places]
         settled.sort(key=lambda pair: -pair[1])
         best, share = settled[0]
         score = steps[-1].information(steps[-1].faces(best))
@@ -112,21 +134,6 @@ class InformationSearch:
         second = max((share for _, share in others), default=0.0)
         converged = score > AHEAD and share > max(AGREED, second + APART_BY)
         return Refined(self.surface.outer(best), score, converged)
-
-    def _settle(
-        self, image: np.ndarray, camera: Camera, rim: float, free_focal: bool
-    ) -> tuple[Camera, float]:
-        """The camera moved to where the geometry's lines are the frame's, and their share."""
-        grey, share = to_grey(image), 0.0
-        for times in sorted({max(round(rim / FINE), 1), 1}, reverse=True):
-            h, w = (n // times for n in grey.shape)
-            small = cv2.resize(grey[: h * times, : w * times], (w, h), interpolation=cv2.INTER_AREA)
-            inner = replace(camera.reduced(times), width=w, height=h)
-            inner, share = fit_outline(small, inner, self.surface, self.edges, HOLD, free_focal)
-            camera = replace(
-                camera, R=inner.R, t=inner.t, fx=inner.fx * times, fy=inner.fy * times
-            )  # fmt: skip
-        return camera, share
 
     def _climb(self, step: Comparison, camera: Camera, radius: float, free_focal: bool) -> Camera:
         """The camera of most information nearby (COBYQA: Ragonneau 2022, which needs no slopes)."""

@@ -65,7 +65,8 @@ def finish(
             tracker.take(
                 adjust(
                     tracker.cameras, tracker.keyframes, tracker.matches, tracker.surface, held,
-                    error / tracker.times, tracker.options.free_focal, tracker.outlines(), settled=turn > 0,
+                    error / tracker.times, tracker.options.free_focal, tracker.outlines(),
+                    settled=turn > 0,
                 )
             )  # fmt: skip
             if turn == 0:

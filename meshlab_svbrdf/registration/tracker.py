@@ -24,7 +24,6 @@ from .results import FrameResult, FrameSource, Options, Registration
 from .surface import Surface
 from .wide import NOTHING, Signature, describe
 
-
 SURE = 0.5  # confidence from which on a frame may be a keyframe, and is not tried again
 
 
@@ -94,7 +93,9 @@ class Tracker:
     def retry(self) -> int:
         """Register anew the frames that are not known, or hardly, from their neighbours' cameras as
         they were adjusted; how many are known better."""
-        self.keyframes = [k.with_camera(self.cameras[k.index], self.surface) for k in self.keyframes]
+        self.keyframes = [
+            k.with_camera(self.cameras[k.index], self.surface) for k in self.keyframes
+        ]
         better = 0
         for index in range(len(self.frames)):
             before = self.located.get(index)
