@@ -7,6 +7,8 @@
     python -m benchmarks photographs RESULT.mlp   of a run with --hold-out
     python -m benchmarks performance              run time, and others at the same work
     python -m benchmarks registration             cameras of films and photographs
+    python -m benchmarks export                   what other programs show of a result
+    python -m benchmarks relighting               other light, and the time of a picture
     python -m benchmarks --all --docs             everything, into the documentation
 
 Scenes are rendered once into the cache. Every row is kept in --out as soon as it is there; the same
@@ -26,7 +28,16 @@ from rich.console import Console
 from meshlab_svbrdf.document.document import Document
 from meshlab_svbrdf.errors import SvbrdfError
 
-from . import ablation, accuracy, performance, photographs, registration, timing
+from . import (
+    ablation,
+    accuracy,
+    export,
+    performance,
+    photographs,
+    registration,
+    relighting,
+    timing,
+)
 from .cases import LONG, PHOTOGRAPHS, Case, available, why_not
 from .documents import write_documents
 from .ledger import Ledger, Row, Task
@@ -35,9 +46,10 @@ from .scenes.make import cache_folder
 from .solve import warm_up
 
 SLOW = "mitsuba"  # this peer is compared over time, on one scene
-PARTS = {
-    part.PART: part for part in (accuracy, timing, ablation, photographs, performance, registration)
-}
+_PARTS = (
+    accuracy, timing, ablation, photographs, performance, registration, export, relighting,
+)  # fmt: skip
+PARTS = {part.PART: part for part in _PARTS}
 
 
 def main() -> None:
@@ -100,6 +112,14 @@ def wanted(arguments: argparse.Namespace, ledger: Ledger) -> tuple[list[Task], l
         films = [case for case in found_cases if case.name != PHOTOGRAPHS]
         stills = [case for case in found_cases if case.name == PHOTOGRAPHS]
         tasks += registration.tasks(films, stills, arguments.cache)
+    if export.PART in parts:
+        sample = export.Sample("totem", arguments.cache)
+        others = cases([LONG]) if arguments.scene != [sample.name] else []
+        found, missing = export.tasks(ledger, [sample, *others], size or 512, arguments.cache)
+        tasks += found
+        notes.extend(missing)
+    if relighting.PART in parts:
+        tasks += relighting.tasks(ledger, cases([LONG]), size or 1024, arguments.cache)
     return tasks, list(dict.fromkeys(notes))
 
 

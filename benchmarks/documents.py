@@ -6,14 +6,19 @@ from collections.abc import Mapping, Sequence
 
 from meshlab_svbrdf.presets import PRESETS
 
-from . import ablation, accuracy, performance, photographs, registration, timing
+from . import (
+    ablation, accuracy, export, performance, photographs, registration, relighting, timing,
+)  # fmt: skip
 from .ledger import ROOT, Row
 from .plot import time_plot
 from .tables import Column, Table, splice, table
 
 PAGE, README = ROOT / "docs" / "accuracy.md", ROOT / "README.md"
 SPEED, CAMERAS = ROOT / "docs" / "performance.md", ROOT / "docs" / "registration.md"
+RELIT = {"relighting": ROOT / "docs" / "albedo.md", "rendering": ROOT / "docs" / "rendering.md"}
 PICTURE = ROOT / "docs" / "images" / "accuracy_time.png"
+EXPORT = ROOT / "docs" / "export.md"
+EXPORT_PICTURE = ROOT / "docs" / "images" / "export.png"
 PARTS = (accuracy, timing, ablation, photographs)
 SHORT = (
     Column("s", "seconds", "{:.0f}"),
@@ -27,13 +32,16 @@ SHORT = (
 
 
 def write_documents(rows: Mapping[str, Sequence[Row]]) -> None:
-    """Fill the parts of the pages and README.md that `rows` has figures for."""
+    """Fill the parts of the pages of docs/ and of README.md that `rows` has figures for."""
     splice(PAGE, "presets", presets_table())
     for part in PARTS:
         own = rows.get(part.PART)
         if own:
             tables = part.tables(own)
             splice(PAGE, part.PART, "\n\n".join(each.markdown() for each in tables))
+    if own := rows.get(export.PART):
+        splice(EXPORT, export.PART, "\n\n".join(each.markdown() for each in export.tables(own)))
+        export.picture(own, EXPORT_PICTURE)
     if own := rows.get(performance.PART):
         text = "\n\n".join(each.markdown() for each in performance.tables(own))
         splice(SPEED, performance.PART, text)
@@ -42,6 +50,9 @@ def write_documents(rows: Mapping[str, Sequence[Row]]) -> None:
     if own := rows.get(registration.PART):
         text = "\n\n".join(each.markdown() for each in registration.tables(own))
         splice(CAMERAS, registration.PART, text)
+    if own := rows.get(relighting.PART):
+        for (name, page), each in zip(RELIT.items(), relighting.tables(own), strict=False):
+            splice(page, name, each.markdown())
     measured = timing.over_time(r for r in rows.get(timing.PART, ()) if "error" not in r)
     if measured:
         time_plot(measured, PICTURE)

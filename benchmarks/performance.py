@@ -106,10 +106,16 @@ def _projected(rows: Sequence[Row]) -> Table:
 
 
 def _seen(row: Row) -> Table:
+    ours = row[OURS]
     cells = [
-        [name, f"{row[name]['seconds']:.2f}", f"{row[name]['cpu_seconds']:.2f}"]
-        for name in (OURS, "embreex")
-    ]
-    note = f"They disagree on {100 * row['disagreement']:.2f} % of the directions in front."
+        [name, f"{each['seconds']:.2f}", f"{each['cpu_seconds']:.2f}",
+         *(f"{each[kind] / ours[kind]:.1f}" for kind in KINDS), f"{100 * each['wrong']:.2f} %"]
+        for name in (OURS, "embreex") for each in [row[name]]
+    ]  # fmt: skip
+    note = (
+        f"Wrong: of rays from {speed.TRIED_VERTICES:,} vertices in {speed.TRIED} other directions "
+        "that they face."
+    )
     title = f"Visibility of {row['vertices']:,} vertices, {speed.DIRECTIONS} directions"
-    return Table(title, ["by", "s", "CPU s"], cells, (note,))
+    headings = ["by", "s", "CPU s", "times ours", "CPU times ours", "wrong"]
+    return Table(title, headings, cells, (note,))

@@ -19,6 +19,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from meshlab_svbrdf.document.images import read_exr, read_image
+from meshlab_svbrdf.samples.luminance import decode
 
 from .score_environment import environment
 from .score_views import unseen_views
@@ -94,6 +95,27 @@ def diffuse(result: Path, truth: Path) -> Scores:
         "dE_mean": float(error.mean()),
         "dE_median": float(np.median(error)),
         "dE_p95": float(np.quantile(error, 0.95)),
+    }
+
+
+def albedo(found: Path, truth: Path) -> Scores:
+    """CIEDE2000 of a map against the true albedo at its resolution, one linear scale fitted."""
+    true = decode(read_image(truth / "albedo.png")[..., :3] / 255)
+    image = read_exr(found).astype(np.float64)
+    size = tuple(min(a, b) for a, b in zip(image.shape[1::-1], true.shape[1::-1], strict=True))
+    inside = _shrink((read_image(truth / "texel_mask.png") > 127).astype(float), size) > 0.999
+    known = np.isfinite(image).all(-1)
+    weight = _shrink(known.astype(float), size)
+    mean, true = _shrink(np.where(known[..., None], image, 0), size), _shrink(true, size)
+    seen = inside & (weight > 0.5)
+    if not seen.any():
+        return {"coverage": None, "dE_mean": None, "dE_median": None}
+    a, b = mean[seen] / weight[seen][:, None], true[seen]
+    error = colour.delta_E(_lab(a * (a * b).sum() / (a * a).sum()), _lab(b))
+    return {
+        "coverage": float(seen.sum() / inside.sum()),
+        "dE_mean": float(error.mean()),
+        "dE_median": float(np.median(error)),
     }
 
 

@@ -160,15 +160,15 @@ def _rasterise(points, homogeneous, faces, front, inverse_depth, face_index):
             continue
         u0, v0, u1, v1 = points[i, 0], points[i, 1], points[j, 0], points[j, 1]
         u2, v2 = points[k, 0], points[k, 1]
-        # Skip what lies between pixel centres or outside, and what faces away
+        # Skip what faces away, and what lies between pixel centres or outside
+        area = (u1 - u0) * (v2 - v0) - (u2 - u0) * (v1 - v0)
+        if not abs(area) > 0.0 or area * front < 0.0:
+            continue
         top, bottom = np.ceil(min(v0, v1, v2)), np.floor(max(v0, v1, v2))
         left, right = np.ceil(min(u0, u1, u2)), np.floor(max(u0, u1, u2))
         top, bottom = max(top, 0.0), min(bottom, height - 1.0)
         left, right = max(left, 0.0), min(right, width - 1.0)
         if top > bottom or left > right:
-            continue
-        area = (u1 - u0) * (v2 - v0) - (u2 - u0) * (v1 - v0)
-        if not abs(area) > 0.0 or area * front < 0.0:
             continue
         if area < 0.0:
             u1, v1, w1, u2, v2, w2 = u2, v2, w2, u1, v1, w1

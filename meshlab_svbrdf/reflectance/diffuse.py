@@ -8,6 +8,8 @@ import numpy as np
 from numba import njit
 
 from ..geometry.harmonics import evaluate_all, scale_coefficients
+from ..power import FAST, exp
+from ..ranks import quantile
 from ..samples.observations import (
     VISIBLE,
     Observations,
@@ -17,8 +19,6 @@ from ..samples.observations import (
     visibility,
 )
 from .directions import look_up, octahedral_cell, octahedral_directions
-from .power import FAST, exp
-from .ranks import quantile
 from .rows import luminances, read_row
 from .threshold import LuminanceStatistics
 

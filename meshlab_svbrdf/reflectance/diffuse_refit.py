@@ -7,14 +7,14 @@ from collections.abc import Callable
 import numpy as np
 from numba import njit
 
+from ..power import FAST
+from ..ranks import quantile
 from ..samples.observations import Observations, longest, mirrors
 from ..samples.store import Block
 from .lights import Light
 from .lobes import add_sharp, clear
 from .microfacet import PHONG, Gloss, specular
 from .phong import cast_shadows, lamps, light_texel
-from .power import FAST
-from .ranks import quantile
 from .rows import luminances, read_row
 
 LEAST_SCALE = 0.3

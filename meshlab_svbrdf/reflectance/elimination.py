@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
+from ..power import FAST
 from ..samples.observations import longest
 from .fit_samples import FitSamples
 from .lobes import NOTHING, add, clear, part, soften, take
-from .power import FAST
 
 ALPHAS = 2.0 ** (np.arange(34) / 3)
 """The grid: 1 to 2048, three an octave."""

@@ -6,9 +6,9 @@ import numpy as np
 from numba import njit
 
 from ..geometry.tangents import tangents
+from ..ranks import quantile
 from ..samples.observations import Observations, sample_luminance, sample_quality
 from ..samples.store import Block
-from .ranks import quantile
 
 SPREAD = 1 / 12 + 1 / 6
 """Pixels², variance per axis of what a sample averages over: a pixel is a box (1/12), and between

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from .power import FAST, LANES, exp, ln
+from ..power import FAST, LANES, exp, ln
 
 LEAST = np.float32(0.01)
 """Cosine of the farthest mirror direction that a lamp's lobe reaches."""

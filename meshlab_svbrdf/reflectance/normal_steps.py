@@ -6,11 +6,11 @@ import numpy as np
 from numba import njit
 
 from ..geometry.tangents import tangents
+from ..ranks import quantile
 from ..samples.observations import longest, sample_luminance, sample_quality
 from .fit_samples import is_clipped
 from .phong import light_texel
 from .pixel_blur import along_and_across, blurred_lobe, pixel_blur
-from .ranks import quantile
 
 STEPS = 4
 ALL, FIRST, SECOND = 0, 1, 2

@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from ..ranks import quantile
 from ..samples.observations import Observations, color, sample_luminance, sample_quality
 from .directions import octahedral_cell
-from .ranks import quantile
 
 RINGS = 4
 """Of candidate normals about the texel's own, out to two standard deviations of the prior."""

@@ -16,6 +16,8 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numba import njit
 
+from ..errors import DocumentError
+
 MOST_FRAMES = 256  # of a chunk: a byte counts them
 COLUMNS = ("frame", "value")
 TRANSPOSED = 2048
@@ -67,10 +69,15 @@ class FileChunk:
 
     def read(self, name: str, first: int, stop: int) -> np.ndarray[Any, Any]:
         start, dtype, shape = self._layout[name]
-        row = int(np.prod(shape))
-        at = start + first * row * dtype.itemsize
-        flat = np.fromfile(self._paths[name], dtype, (stop - first) * row, offset=at)
-        return flat.reshape(stop - first, *shape)
+        rows = np.empty((stop - first, *shape), dtype)
+        with open(self._paths[name], "rb", buffering=0) as file:
+            file.seek(start + first * int(np.prod(shape)) * dtype.itemsize)
+            if file.readinto(rows.data) != rows.nbytes:
+                raise DocumentError(
+                    f"{self._paths[name]} has been cut off: apply compute_svbrdf_samples again, "
+                    "with --force"
+                )
+        return rows
 
     def mapped(self, name: str) -> np.ndarray[Any, Any]:
         return np.asarray(np.load(self._paths[name], mmap_mode="r"))
@@ -126,6 +133,15 @@ class SampledFrame(NamedTuple):
 
 
 @njit(cache=True, nogil=True)
+def _total(value):
+    """Of the qualities, in 127ths."""
+    total = 0
+    for i in range(len(value)):
+        total += value[i, 3] & 127
+    return total
+
+
+@njit(cache=True, nogil=True)
 def _count(texel, counts):
     for i in range(len(texel)):
         counts[texel[i]] += 1
@@ -177,7 +193,7 @@ class Held:
         self._texel[first:stop] = frame.texel
         self._value[first:stop] = words_of(frame.value)
         self._ends.append(stop)
-        self._quality.append((frame.quality & 127).sum() / 127)
+        self._quality.append(_total(frame.value) / 127)
 
     def transpose(self, texels: int, pool: ThreadPoolExecutor) -> MemoryChunk:
         """The frames' samples, texel by texel."""

@@ -7,21 +7,22 @@ from numba import njit
 from scipy.sparse import csr_array
 from scipy.sparse.linalg import LinearOperator, cg
 
+from ..ranks import quantile
 from .observations import Observations, color
+from .store import Block
 
 LEAST_SHARED = 100  # samples of texels that other frames see too
+PER_FRAME = 400  # samples, on average, so that frames that see little have enough as well
 SCALE = 1.5
 """Robust standard deviations of a residual at which its weight has fallen to a quarter."""
 
 
 @njit(cache=True, nogil=True)
-def _ratios(block, view, stride, logs, texel_of, frame_of, filled):
-    """ln colours, texels and frames of every `stride`-th texel; clipped and dark ones left out."""
-    n = filled
+def _ratios(block, view, logs, texel_of, frame_of):
+    """ln colours, texels and frames of a block's samples but for clipped and dark ones; returns how
+    many there are."""
+    n = 0
     for i in range(block.stop - block.first):
-        t = block.first + i
-        if t % stride != 0:
-            continue
         for j in range(block.offsets[i], block.offsets[i + 1]):
             if (
                 block.value[j, 3] >= 128
@@ -30,9 +31,34 @@ def _ratios(block, view, stride, logs, texel_of, frame_of, filled):
                 continue
             r, g, b = color(block, view, j)
             logs[n, 0], logs[n, 1], logs[n, 2] = np.log(r), np.log(g), np.log(b)
-            texel_of[n], frame_of[n] = t, block.frame[j]
+            texel_of[n], frame_of[n] = i, block.frame[j]
             n += 1
     return n
+
+
+@njit(cache=True, nogil=True)
+def _medians(values, order, starts, out):
+    row = np.empty(len(values), np.float32)
+    for k in range(len(out)):
+        n = starts[k + 1] - starts[k]
+        for i in range(n):
+            row[i] = values[order[starts[k] + i]]
+        out[k] = quantile(row[:n], 0.5) if n > 0 else np.nan
+
+
+class _Groups:
+    """Samples (n,) grouped by their texel or frame, of `count`."""
+
+    def __init__(self, of: np.ndarray, count: int) -> None:
+        self.of, self.count = of, count
+        self._order = np.argsort(of, kind="stable")
+        self._starts = np.searchsorted(of[self._order], np.arange(count + 1))
+
+    def median(self, values: np.ndarray) -> np.ndarray:
+        """Of each group's finite values, (count,) float64; NaN for an empty one."""
+        out = np.empty(self.count)
+        _medians(values, self._order, self._starts, out)
+        return out
 
 
 def frame_gains(
@@ -47,7 +73,7 @@ def frame_gains(
     Parameters
     ----------
     observations : the samples
-    samples : about how many of them to use; None: 250 000, more for many frames
+    samples : about how many of them to use; None: 250 000, or 400 for each of many frames
     rounds : of reweighting, at most
 
     Returns
@@ -56,49 +82,55 @@ def frame_gains(
     residual : (F,) float64, median |ln| of what is left in green
     """
     store = observations.store
-    samples = samples or max(250_000, 10 * LEAST_SHARED * store.frames)
+    samples = samples or max(250_000, PER_FRAME * store.frames)
     stride = max(1, len(store) // samples)
-    most = int(store.counts()[::stride].sum())
-    logs = np.empty((most, 3), np.float32)
-    texel, frame = np.empty(most, np.int64), np.empty(most, np.int64)
-    filled = 0
-    for block in store.blocks():
-        filled = _ratios(block, observations.view, stride, logs, texel, frame, filled)
+
+    def work(block: Block, own: slice) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        most = len(block.frame)
+        logs = np.empty((most, 3), np.float32)
+        texel, frame = np.empty(most, np.int64), np.empty(most, np.int64)
+        n = _ratios(block, observations.view, logs, texel, frame)
+        return logs[:n], texel[:n] + own.start, frame[:n]
+
+    pieces = store.map_texels(work, np.arange(0, store.texels, stride))
+    logs, texel, frame = (np.concatenate(each) for each in zip(*pieces, strict=True))
     # Keep the samples of texels that several frames see, and the frames that have enough of them
-    shared = np.bincount(texel[:filled])[texel[:filled]] > 1
-    enough = np.bincount(frame[:filled][shared], minlength=store.frames) >= LEAST_SHARED
-    kept = np.flatnonzero(shared & enough[frame[:filled]])
-    texel, frame, logs = texel[kept], frame[kept], logs[kept]
+    shared = np.bincount(texel)[texel] > 1 if len(texel) else np.zeros(0, bool)
+    enough = np.bincount(frame[shared], minlength=store.frames) >= LEAST_SHARED
+    kept = np.flatnonzero(shared & enough[frame])
     gains, residual = np.full((store.frames, 3), np.nan), np.full(store.frames, np.nan)
     if len(kept) == 0:
         return gains, residual
+    logs = logs[kept]
+    known, texel = np.unique(texel[kept], return_inverse=True)
+    texels, frames = _Groups(texel, len(known)), _Groups(frame[kept], store.frames)
+    seen = np.bincount(frames.of, minlength=store.frames) > 0
     for channel in range(3):
         value, gain = logs[:, channel].astype(np.float64), np.zeros(store.frames)
         for _ in range(2):
-            left = value - gain[frame]
-            left -= _group_median(left, texel)[texel]
-            gain += np.nan_to_num(_group_median(left, frame, store.frames))
-        gain, left = _reweighted(value, gain, texel, frame, rounds)
-        seen = np.bincount(frame, minlength=store.frames) > 0
+            left = value - gain[frames.of]
+            left -= texels.median(left)[texels.of]
+            gain += np.nan_to_num(frames.median(left))
+        gain, left = _reweighted(value, gain, texels, frames, rounds)
         gain -= np.median(gain[seen])
         gains[:, channel] = np.where(seen, np.exp(gain), np.nan)
         if channel == 1:
-            residual = _group_median(np.abs(left), frame, store.frames)
+            residual = frames.median(np.abs(left))
     return gains, residual
 
 
 def _reweighted(
-    value: np.ndarray, gain: np.ndarray, texel: np.ndarray, frame: np.ndarray, rounds: int
+    value: np.ndarray, gain: np.ndarray, texels: _Groups, frames: _Groups, rounds: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """ln gains (F,) and residuals of value = texel + gain, by weights 1/(1 + (e/h)²)²."""
-    texel, count = np.unique(texel, return_inverse=True)[1], len(gain)
+    texel, frame, count = texels.of, frames.of, frames.count
     left = value - gain[frame]
-    left -= _group_median(left, texel)[texel]
+    left -= texels.median(left)[texel]
     for _ in range(rounds):
         scale = max(SCALE * 1.4826 * float(np.median(np.abs(left))), 1e-4)
         weight = 1 / (1 + (left / scale) ** 2) ** 2
         # Eliminate the texels: (diag Σw − Sᵀ S/W) gain = Σ w value − Sᵀ (Σ w value)/W
-        shared = csr_array((weight, (texel, frame)), shape=(texel.max() + 1, count))
+        shared = csr_array((weight, (texel, frame)), shape=(texels.count, count))
         per_texel, per_frame = np.bincount(texel, weight), np.bincount(frame, weight, count)
         level = np.bincount(texel, weight * value) / per_texel
         product = np.bincount(frame, weight * value, count) - shared.T @ level
@@ -130,17 +162,3 @@ def gain_spread(gains: np.ndarray) -> float:
     if len(logs) == 0:
         return float("nan")
     return float(1.4826 * np.median(np.abs(logs - np.median(logs, axis=0)), axis=0).max())
-
-
-def _group_median(values: np.ndarray, group: np.ndarray, count: int | None = None) -> np.ndarray:
-    """Median of the values of each group 0..count-1; NaN for an empty one."""
-    count = int(group.max(initial=-1)) + 1 if count is None else count
-    order = np.lexsort((values, group))
-    sizes = np.bincount(group, minlength=count)
-    first = np.concatenate([[0], np.cumsum(sizes)[:-1]])
-    out = np.full(count, np.nan)
-    known = sizes > 0
-    sorted_values = values[order]
-    low, high = (first + (sizes - 1) // 2)[known], (first + sizes // 2)[known]
-    out[known] = (sorted_values[low] + sorted_values[high]) / 2
-    return out

@@ -7,9 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numba import njit
 
+from meshlab_svbrdf.power import exp, ln
 from meshlab_svbrdf.reflectance.lobes import LEAST, NOTHING, add_blurred, add_sharp
 from meshlab_svbrdf.reflectance.pixel_blur import along_and_across, blurred_lobe
-from meshlab_svbrdf.reflectance.power import exp, ln
 
 N, RAYS, GAINS = 200, unit([[0, 0, 1], [0.8, 0.1, 0.6], [0, 1, 0]]), np.array([1.0, 0.3, 0.0])
 

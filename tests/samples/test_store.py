@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import meshlab_svbrdf.samples.store as module
+from meshlab_svbrdf.errors import DocumentError
 from meshlab_svbrdf.samples.chunks import SampledFrame
 from meshlab_svbrdf.samples.store import SampleStore, write_store
 
@@ -159,6 +160,20 @@ def test_a_frame_that_cannot_be_read_stops_the_store(tmp_path):
     with pytest.raises(OSError, match="frame 2"):
         write_store(tmp_path, 4, 5, sample)
     assert not (tmp_path / "store.json").exists()
+
+
+def test_a_store_that_has_been_cut_off_is_named(tmp_path):
+    store = write(tmp_path, 10, random_frames(10, 9, 1.0))
+    column = tmp_path / "chunk0000.value.npy"
+    column.write_bytes(column.read_bytes()[:-1])
+    with pytest.raises(DocumentError, match=r"chunk0000.value.npy has been cut off"):
+        store.read(0, 10)
+
+
+def test_the_mean_quality_of_a_frame_is_kept(tmp_path):
+    frames = random_frames(50, 3, 0.8)
+    store = write(tmp_path, 50, frames)
+    np.testing.assert_allclose(store.quality, [(f.quality & 127).mean() / 127 for f in frames])
 
 
 def test_progress_counts_frames_and_blocks(tmp_path):

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from meshlab_svbrdf.reflectance.ranks import quantile
+from meshlab_svbrdf.ranks import quantile
 
 NUMBERS = st.floats(-1e6, 1e6, width=32)
 

@@ -1,0 +1,33 @@
+"""What `meshlab-svbrdf batch` does."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import typer
+
+from .batch import DONE, LEFT, TABLE, Result, read_list, run_batch
+from .commands import _friendly
+
+
+def batch(projects: Path, output: Path, options: list[str], retries: int) -> None:
+    """Run the chain on every project of a list."""
+    with _friendly():
+        entries = read_list(projects)
+        width = max(len(entry.name) for entry in entries)
+
+        def say(result: Result) -> None:
+            told = result.error or list(result.outcomes.values())[-1]
+            typer.echo(f"{result.name:{width}}  {result.state:8} {result.seconds:7.1f} s  {told}")
+
+        results = run_batch(entries, output, options, retries=retries, say=say)
+        bad = [result.name for result in results if result.state != DONE]
+        typer.echo(
+            f"{len(results) - len(bad)} of {len(entries)} projects done"
+            + (f"; not: {', '.join(bad)}" if bad else "")
+            + f". {output / TABLE} tells what each stage said."
+        )
+    if results[-1].state == LEFT:
+        raise typer.Exit(130)
+    if bad:
+        raise typer.Exit(1)
