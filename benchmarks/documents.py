@@ -7,7 +7,14 @@ from collections.abc import Mapping, Sequence
 from meshlab_svbrdf.presets import PRESETS
 
 from . import (
-    ablation, accuracy, export, performance, photographs, registration, relighting, timing,
+    ablation,
+    accuracy,
+    export,
+    performance,
+    photographs,
+    registration,
+    relighting,
+    timing,
 )  # fmt: skip
 from .ledger import ROOT, Row
 from .plot import time_plot

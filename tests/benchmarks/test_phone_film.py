@@ -21,15 +21,15 @@ def test_the_container_turns_the_frames_upright_and_drops_some(film):
 
 
 def test_the_box_is_where_its_truth_says(film):
-    """Within the corners of its front the picture is cardboard, beside them it is not."""
+    """Just within the corners of its front every frame shows plain cardboard."""
     clip = open_video(film.path)
-    front = np.array([[x, y, 1.0] for x in (-1, 1) for y in (-1, 1)]) * BOX / 2
+    corners = 0.93 * np.array([[x, y, 1 / 0.93] for x in (-1, 1) for y in (-1, 1)]) * BOX / 2
     with ClipFrames(clip) as frames:
-        for k, inset in ((0, 0.93), (len(clip) - 1, 0.93), (0, 1.15)):
-            image = frames[k].astype(float)
-            col, row = np.rint(film.seen(k, front * [inset, inset, 1])).astype(int).T
-            warm = image[row, col, 0] > 1.15 * image[row, col, 2]
-            assert warm.all() if inset < 1 else not warm[[0, 2]].any()
+        for k in range(0, len(clip), 8):
+            col, row = np.rint(film.seen(k, corners)).astype(int).T
+            shown = frames[k][row, col].astype(float)
+            assert (shown[:, 0] > 1.15 * shown[:, 2]).all()
+            assert np.ptp(shown[:, 1]) < 30
 
 
 def test_a_pinhole_at_rest_sees_what_the_film_shows(film):
