@@ -14,6 +14,7 @@ from . import (
     page,
     performance,
     photographs,
+    registration,
     relighting,
     timing,
 )
@@ -23,7 +24,7 @@ from .stability import part as stability
 from .tables import Column, Table, splice, table
 
 PAGE, README = ROOT / "docs" / "accuracy.md", ROOT / "README.md"
-SPEED = ROOT / "docs" / "performance.md"
+SPEED, CAMERAS = ROOT / "docs" / "performance.md", ROOT / "docs" / "registration.md"
 RELIT = {"relighting": ROOT / "docs" / "albedo.md", "rendering": ROOT / "docs" / "rendering.md"}
 STABILITY = ROOT / "docs" / "stability.md"
 MATERIALS, VIEW = ROOT / "docs" / "materials.md", ROOT / "docs" / "view.md"
@@ -61,6 +62,9 @@ def write_documents(rows: Mapping[str, Sequence[Row]]) -> None:
         splice(SPEED, performance.PART, text)
         if paper := performance.paper_table(own):
             splice(README, performance.PART, paper.markdown())
+    if own := rows.get(registration.PART):
+        text = "\n\n".join(each.markdown() for each in registration.tables(own))
+        splice(CAMERAS, registration.PART, text)
     if own := rows.get(relighting.PART):
         for (name, where), each in zip(RELIT.items(), relighting.tables(own), strict=False):
             splice(where, name, each.markdown())
