@@ -7,7 +7,11 @@
     python -m benchmarks photographs RESULT.mlp   of a run with --hold-out
     python -m benchmarks performance              run time, and others at the same work
     python -m benchmarks registration             cameras of films and photographs
+    python -m benchmarks export                   what other programs show of a result
+    python -m benchmarks relighting               other light, and the time of a picture
     python -m benchmarks stability [--scene extremes|files|guards|…]
+    python -m benchmarks materials [--scene …]    areas of one material, found and edited by hand
+    python -m benchmarks page                     how long the page of `view` lets one wait
     python -m benchmarks --all --docs             everything, into the documentation
 
 Scenes are rendered once into the cache. Every row is kept in --out as soon as it is there; the same
@@ -19,6 +23,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -27,8 +32,19 @@ from rich.console import Console
 from meshlab_svbrdf.document.document import Document
 from meshlab_svbrdf.errors import SvbrdfError
 
-from . import ablation, accuracy, performance, photographs, registration, timing
-from .cases import LONG, PHOTOGRAPHS, Case, available, why_not
+from . import (
+    ablation,
+    accuracy,
+    export,
+    materials,
+    page,
+    performance,
+    photographs,
+    registration,
+    relighting,
+    timing,
+)
+from .cases import LONG, PHOTOGRAPHS, SAMPLE, Case, available, why_not
 from .documents import write_documents
 from .ledger import Ledger, Row, Task
 from .scenes.catalogue import SCENES
@@ -37,24 +53,18 @@ from .solve import warm_up
 from .stability import part as stability
 
 SLOW = "mitsuba"  # this peer is compared over time, on one scene
-PARTS = {
-    part.PART: part
-    for part in (
-        accuracy,
-        timing,
-        ablation,
-        photographs,
-        performance,
-        registration,
-        stability,
-    )
-}
+_PARTS = (
+    accuracy, timing, ablation, photographs, performance, registration, export, relighting,
+    stability, materials, page,
+)  # fmt: skip
+PARTS = {part.PART: part for part in _PARTS}
 
 
 def main() -> None:
     arguments = _arguments()
     if arguments.result:
-        judge_result(arguments.result)
+        judge = time_page if arguments.part == page.PART else judge_result
+        judge(arguments.result)
         return
     ledger = Ledger(arguments.out, arguments.old, lambda line: print(line, file=sys.stderr))
     try:
@@ -111,8 +121,24 @@ def wanted(arguments: argparse.Namespace, ledger: Ledger) -> tuple[list[Task], l
         films = [case for case in found_cases if case.name != PHOTOGRAPHS]
         stills = [case for case in found_cases if case.name == PHOTOGRAPHS]
         tasks += registration.tasks(films, stills, arguments.cache)
+    if export.PART in parts:
+        sample = export.Sample("totem", arguments.cache)
+        others = cases([LONG]) if arguments.scene != [sample.name] else []
+        found, missing = export.tasks(ledger, [sample, *others], size or 512, arguments.cache)
+        tasks += found
+        notes.extend(missing)
+    if relighting.PART in parts:
+        tasks += relighting.tasks(ledger, cases([LONG]), size or 1024, arguments.cache)
     if stability.PART in parts:
         tasks += stability.tasks(arguments.scene)
+    if materials.PART in parts:
+        tasks += materials.tasks(ledger, cases([SAMPLE, *SCENES, LONG]), size or 512)
+    if page.PART in parts:
+        found, missing = page.tasks(
+            min(arguments.frames, page.FRAMES), size or page.TEXELS, arguments.cache
+        )
+        tasks += found
+        notes.extend(missing)
     return tasks, list(dict.fromkeys(notes))
 
 
@@ -134,6 +160,20 @@ def judge_result(path: Path) -> None:
         Console().print(table.rich())
 
 
+def time_page(path: Path) -> None:
+    """Print how long the page of a result of the user's own, a copy of it, lets one wait."""
+    try:
+        with tempfile.TemporaryDirectory() as folder:
+            copy = Document.open(path)
+            copy.move_to(Path(folder) / path.name, link=True)
+            copy.save()
+            row = page.measure(copy.path, not page.why_no_browser())
+    except SvbrdfError as error:
+        raise SystemExit(f"Error: {error}") from None
+    for table in page.tables([row]):
+        Console().print(table.rich())
+
+
 def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         prog="python -m benchmarks",
@@ -141,7 +181,9 @@ def _arguments() -> argparse.Namespace:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("part", nargs="?", choices=list(PARTS))
-    parser.add_argument("result", nargs="?", type=Path, help="a result to judge (photographs)")
+    parser.add_argument(
+        "result", nargs="?", type=Path, help="a result to judge (photographs, page)"
+    )
     parser.add_argument("--all", action="store_true", help="every part")
     parser.add_argument("--scene", action="append", default=[], metavar="NAME")
     parser.add_argument("--texture-size", type=int, help="of all runs, where a part has no own")
@@ -162,8 +204,9 @@ def _arguments() -> argparse.Namespace:
                      help="take rows that older code made")  # fmt: skip
     parser.set_defaults(old="again")
     arguments = parser.parse_args()
-    if arguments.result and arguments.part != photographs.PART:
-        parser.error(f"only `{photographs.PART}` judges a result")
+    judging = (photographs.PART, page.PART)
+    if arguments.result and arguments.part not in judging:
+        parser.error(f"only {' and '.join(judging)} judge a result")
     if arguments.peers == []:
         from .peers import PEERS  # some need packages that the rest does not
 

@@ -15,7 +15,9 @@ from .scenes.catalogue import SCENES
 from .scenes.make import ensure_scene
 
 LONG = "bust_floods"  # a film with full truth
+SAMPLE = "totem"  # the sample project
 PHOTOGRAPHS = "goldcape"  # photographs without truth
+SAMPLES = Path(__file__).parents[1] / "sample_projects"
 VARIABLE = "MESHLAB_SVBRDF_SCENES"
 
 
@@ -30,6 +32,8 @@ class Case:
     def path(self) -> Path:
         if self.name in SCENES:
             return ensure_scene(SCENES[self.name], self.cache)
+        if self.name == SAMPLE:
+            return SAMPLES / SAMPLE / f"{SAMPLE}.mlp"
         return Path(os.environ[VARIABLE]) / self.name / f"{self.name}.mlp"
 
     @property
@@ -45,7 +49,7 @@ class Case:
 
 def why_not(name: str) -> str:
     """Why a scene cannot be measured here, or \"\"."""
-    if name in SCENES:
+    if name in SCENES or name == SAMPLE:
         return ""
     folder = os.environ.get(VARIABLE)
     if not folder:

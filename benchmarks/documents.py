@@ -6,16 +6,31 @@ from collections.abc import Mapping, Sequence
 
 from meshlab_svbrdf.presets import PRESETS
 
-from . import ablation, accuracy, performance, photographs, timing
+from . import (
+    ablation,
+    accuracy,
+    export,
+    materials,
+    page,
+    performance,
+    photographs,
+    registration,
+    relighting,
+    timing,
+)
 from .ledger import ROOT, Row
 from .plot import time_plot
 from .stability import part as stability
 from .tables import Column, Table, splice, table
 
 PAGE, README = ROOT / "docs" / "accuracy.md", ROOT / "README.md"
-SPEED = ROOT / "docs" / "performance.md"
+SPEED, CAMERAS = ROOT / "docs" / "performance.md", ROOT / "docs" / "registration.md"
+RELIT = {"relighting": ROOT / "docs" / "albedo.md", "rendering": ROOT / "docs" / "rendering.md"}
 STABILITY = ROOT / "docs" / "stability.md"
+MATERIALS, VIEW = ROOT / "docs" / "materials.md", ROOT / "docs" / "view.md"
 PICTURE = ROOT / "docs" / "images" / "accuracy_time.png"
+EXPORT = ROOT / "docs" / "export.md"
+EXPORT_PICTURE = ROOT / "docs" / "images" / "export.png"
 PARTS = (accuracy, timing, ablation, photographs)
 SHORT = (
     Column("s", "seconds", "{:.0f}"),
@@ -29,19 +44,30 @@ SHORT = (
 
 
 def write_documents(rows: Mapping[str, Sequence[Row]]) -> None:
-    """Fill the parts of docs/accuracy.md, docs/performance.md and README.md that `rows` has
-    figures for."""
+    """Fill the parts of the pages of docs/ and of README.md that `rows` has figures for."""
     splice(PAGE, "presets", presets_table())
     for part in PARTS:
         own = rows.get(part.PART)
         if own:
             tables = part.tables(own)
             splice(PAGE, part.PART, "\n\n".join(each.markdown() for each in tables))
+    if own := rows.get(export.PART):
+        splice(EXPORT, export.PART, "\n\n".join(each.markdown() for each in export.tables(own)))
+        export.picture(own, EXPORT_PICTURE)
+    for part, path in ((materials, MATERIALS), (page, VIEW)):
+        if own := rows.get(part.PART):
+            splice(path, part.PART, "\n\n".join(each.markdown() for each in part.tables(own)))
     if own := rows.get(performance.PART):
         text = "\n\n".join(each.markdown() for each in performance.tables(own))
         splice(SPEED, performance.PART, text)
         if paper := performance.paper_table(own):
             splice(README, performance.PART, paper.markdown())
+    if own := rows.get(registration.PART):
+        text = "\n\n".join(each.markdown() for each in registration.tables(own))
+        splice(CAMERAS, registration.PART, text)
+    if own := rows.get(relighting.PART):
+        for (name, where), each in zip(RELIT.items(), relighting.tables(own), strict=False):
+            splice(where, name, each.markdown())
     if own := rows.get(stability.PART):
         for row in own:
             text = "\n\n".join(each.markdown() for each in stability.tables([row]))

@@ -19,10 +19,11 @@ from meshlab_svbrdf.document.frames import Frames
 from meshlab_svbrdf.document.images import read_mask
 from meshlab_svbrdf.errors import SvbrdfError
 from meshlab_svbrdf.filters._lights import read_lights
+from meshlab_svbrdf.filters._matte import matte_texels
 from meshlab_svbrdf.filters._stages import read_observations
 from meshlab_svbrdf.filters.generate_svbrdf_rendering import read_appearance
 from meshlab_svbrdf.rendering.acquisition import AcquisitionRenderer
-from meshlab_svbrdf.rendering.surface import Appearance
+from meshlab_svbrdf.rendering.compare import channel_gain, psnr
 from meshlab_svbrdf.samples.luminance import decode, encode
 
 from .ablation import GLOSS
@@ -85,11 +86,11 @@ def predict(document: Document, names: Sequence[str] = tuple(NAMES)) -> Row:
         raise SvbrdfError(f"{document.path}: no frame was held out: run with --hold-out")
     colors = _colors(document)
     valid = np.all([np.isfinite(color).all(1) for color in colors.values()], axis=0)
-    methods = {name: _matte(document, colors[name]) for name in names if name in colors}
+    methods = {name: matte_texels(document, colors[name]) for name in names if name in colors}
     if "full" in names:
         looks = read_appearance(document)
         methods["full"] = AcquisitionRenderer(document.mesh(), looks, read_lights(document))
-    observed = _matte(document, np.repeat(valid[:, None], 3, 1).astype(np.float32))
+    observed = matte_texels(document, np.repeat(valid[:, None], 3, 1).astype(np.float32))
     found: dict[str, list[float]] = {name: [] for name in methods}
     shares = []
     frames = Frames(document.held_out)
@@ -104,17 +105,10 @@ def predict(document: Document, names: Sequence[str] = tuple(NAMES)) -> Row:
         on = inside & (coverage > 0) & (seen[..., 0] > 0.999)
         shares.append(float(on.sum() / max(inside.sum(), 1)))
         for name, renderer in methods.items():
-            image = fitted(renderer.render(raster.camera, rays)[0][on], truth[on])
-            error = encode(np.clip(image, 0, 1)) - encode(truth[on])
-            found[name].append(float(-10 * np.log10((error**2).mean())))
+            image = renderer.render(raster.camera, rays)[0][on]
+            image *= channel_gain(image, truth[on])
+            found[name].append(psnr(encode(np.clip(image, 0, 1)), encode(truth[on])))
     return {"frames": len(shares), "share": float(np.mean(shares)), "psnr": found}
-
-
-def fitted(rendered: np.ndarray, truth: np.ndarray) -> np.ndarray:
-    """`rendered` (n, 3) times the linear gain per channel that brings it nearest to `truth`."""
-    usable = truth.max(1) < 0.98
-    product, power = (rendered * truth)[usable].sum(0), (rendered**2)[usable].sum(0)
-    return rendered * np.divide(product, power, out=np.ones(3), where=power > 0)
 
 
 def _colors(document: Document) -> dict[str, np.ndarray]:
@@ -124,16 +118,6 @@ def _colors(document: Document) -> dict[str, np.ndarray]:
     colors["statistical"] = document.attribute("diffuse")
     colors["final"] = document.attribute("final_diffuse")
     return {name: (color / 100).astype(np.float32) for name, color in colors.items()}
-
-
-def _matte(document: Document, color: np.ndarray) -> AcquisitionRenderer:
-    """Renders a colour of the texels, without highlights."""
-    texels = document.texels()
-    looks = []
-    for image in texels.to_images(color):
-        none = np.full(image.shape[:2], np.nan)
-        looks.append(Appearance(image, none, none, np.ones_like(image)))
-    return AcquisitionRenderer(document.mesh(), looks, [])
 
 
 def tables(rows: Sequence[Row]) -> list[Table]:

@@ -2,7 +2,8 @@
 
 Films start from their first camera, photographs from one; the cameras of photographs are compared
 with those of structure from motion. A search starts 5° and 5 % of the distance away. Errors are
-pixels, RMS over the vertices that the true camera sees.
+pixels, RMS over the vertices that the true camera sees. The phone's film starts from picked points,
+and its errors are of points on the box, against where the frames show them.
 """
 
 from __future__ import annotations
@@ -21,6 +22,8 @@ from meshlab_svbrdf.bench.workload import Options as Workload
 from meshlab_svbrdf.bench.workload import make_workload
 from meshlab_svbrdf.document.document import Document
 from meshlab_svbrdf.document.frames import Frames
+from meshlab_svbrdf.document.mesh_files import write_ply
+from meshlab_svbrdf.document.registered import camera_from, lens_from
 from meshlab_svbrdf.geometry.camera import Camera
 from meshlab_svbrdf.geometry.mesh import Mesh
 from meshlab_svbrdf.geometry.raster import rasterise_depth
@@ -29,18 +32,28 @@ from meshlab_svbrdf.registration.results import Options
 from meshlab_svbrdf.registration.search import InformationSearch
 from meshlab_svbrdf.registration.surface import Surface
 from meshlab_svbrdf.registration.track import register_frames
+from meshlab_svbrdf.script import Step, run_script
 
 from .cases import Case
 from .ledger import Row, Task
+from .phone_film import K1, box_mesh, make_film
+from .scenes.make import cache_folder
 from .tables import Column, Table, table
 
 PART = "registration"
-FILM, STILLS, SEARCH, HD = "film", "photographs", "search", "full HD"
+REGISTER = "generate_svbrdf_registered_rasters"
+FILM, STILLS, SEARCH, HD, PHONE = "film", "photographs", "search", "full HD", "phone"
 STEPS = (1, 2)  # of the film's frames that are taken
 DEGREES = (0.5, 1.5, 3.0)  # a frame, of the films in full HD
 TRIALS = 20
 WRONG = 5.0, 0.05  # degrees, share of the distance
-LIMIT = {FILM: 1.0, HD: 1.0, STILLS: 5.0, SEARCH: 3.0}  # pixels that count as right
+LIMIT = {FILM: 1.0, HD: 1.0, STILLS: 5.0, SEARCH: 3.0, PHONE: 3.0}  # pixels that count as right
+LENS = {"focal": 1.0, "distortion": str(K1)}  # focal: over the true one
+PHONES = {
+    "lens known": (LENS, 0.0),
+    "box measured 1 mm too large": (LENS, 1.0),
+    "focal 10 % off, lens not told": ({"focal": 1.1, "refine_focal": "true"}, 0.0),
+}  # what is told, and the box's error
 
 
 def tasks(films: Sequence[Case], photographs: Sequence[Case], cache: Path | None) -> list[Task]:
@@ -56,6 +69,9 @@ def tasks(films: Sequence[Case], photographs: Sequence[Case], cache: Path | None
                 make = partial(_film, case, step, video)
                 found.append(Task(PART, case.name, f"{FILM}: {name}", "first camera given", make))
         found.append(Task(PART, case.name, SEARCH, f"{TRIALS} trials", partial(_search, case)))
+    for name, told in PHONES.items():
+        make = partial(_phone, cache, *told)
+        found.append(Task(PART, "printed box", f"{PHONE}: {name}", "picked points", make))
     for case in photographs:
         found.append(Task(PART, case.name, STILLS, "one camera given", partial(_stills, case)))
     for degrees in DEGREES:
@@ -69,6 +85,25 @@ def _film(case: Case, step: int, video: bool, folder: Path) -> Row:
     if video:
         frames = _encoded(frames, folder / "film.mp4")
     return _registered(mesh, cameras, frames, Options(), FILM)
+
+
+def _phone(cache: Path | None, told: dict[str, str | float], grown: float, folder: Path) -> Row:
+    film = make_film((cache or cache_folder()) / "phone_film")
+    folder.mkdir(parents=True, exist_ok=True)
+    write_ply(folder / "box.ply", box_mesh(grown))
+    given = {"video": str(film.path), "points": str(film.picks)} | told
+    given["focal"] = f"{told['focal'] * film.lens.fx:.1f}"
+    document = Document.of_mesh(folder / "box.ply", folder / "out")
+    wall, cpu = time.perf_counter(), time.process_time()
+    for _ in run_script(document, [Step(REGISTER, given)]):
+        pass
+    wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
+    frames = document.json("registration")["clips"][0]["frames"]
+    errors = [
+        film.error(frame["index"], camera_from(frame["camera"]), lens_from(frame["lens"]))
+        for frame in frames if frame["used"]
+    ]  # fmt: skip
+    return {"kind": PHONE, "frames": len(frames), "errors": errors, "seconds": wall, "cpu": cpu}
 
 
 def _stills(case: Case, folder: Path) -> Row:

@@ -1,15 +1,20 @@
-"""The documentation's pictures, made from a result of the sample project.
+"""The documentation's pictures, from a run of the sample project.
 
 pip install -e '.[docs]'
-meshlab-svbrdf run sample_projects/totem/totem.mlp -o out
-meshlab-svbrdf apply out/totem.mlp compute_svbrdf_albedo
-python docs/make_pictures.py out/totem.mlp [NAME ...]
+python docs/make_pictures.py [--result out/totem.mlp] [NAME ...]
+
+Without --result the sample project is run first, into a folder that goes afterwards.
 """
 
 from __future__ import annotations
 
-import sys
+import argparse
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 from matplotlib.patches import Ellipse
@@ -18,23 +23,28 @@ from picture_kit import (
     DIM,
     GREEN,
     ORANGE,
+    SAMPLE,
     TRUTH,
     Scene,
     around,
+    keep,
     on_back,
     picture,
     plt,
     row_of_images,
     save,
-    scaled,
     show,
 )  # fmt: skip
 from picture_plots import joint_profiles, light_shapes, material_bells, peak_in_time, texel_history
 
+from meshlab_svbrdf.document.document import Document
 from meshlab_svbrdf.document.images import read_exr, read_image
+from meshlab_svbrdf.filters._comparison import ERROR_TOP
 from meshlab_svbrdf.filters._sphere import marked_map
+from meshlab_svbrdf.filters.generate_svbrdf_comparison import small
 from meshlab_svbrdf.geometry.harmonics import basis
 from meshlab_svbrdf.geometry.visibility import Rays, remap
+from meshlab_svbrdf.presets import chain
 from meshlab_svbrdf.reflectance.directions import directions
 from meshlab_svbrdf.reflectance.labels import palette
 from meshlab_svbrdf.registration.overlay import draw_overlay, feature_edges
@@ -45,8 +55,11 @@ from meshlab_svbrdf.rendering.environment_lights import (
     together,
     uniform_light,
 )
+from meshlab_svbrdf.rendering.paths import framed, turntable, upward
 from meshlab_svbrdf.rendering.relight import RelitRenderer
+from meshlab_svbrdf.rendering.sheet import sheet
 from meshlab_svbrdf.samples.luminance import decode
+from meshlab_svbrdf.script import run_script
 
 FRAME = "high_045.jpg"
 
@@ -96,7 +109,7 @@ def texels(scene: Scene) -> None:
     """The atlas in normals, some texels in their triangles, the object."""
     t = scene.texels
     atlas = t.to_images((0.5 + 0.5 * t.normal).astype(np.float32), 0.11)[0]
-    camera = scaled(scene.frame(FRAME).camera, 1.2)
+    camera = scene.frame(FRAME).camera.scaled(1.2)
     figure = row_of_images(
         [atlas[::2, ::2], np.ones((480, 480, 3)), scene.wearing(decode(atlas), camera)],
         ["texels: the colour is the normal", "20 × 20 of them, one per pixel centre", ""],
@@ -196,7 +209,7 @@ def environment(scene: Scene) -> None:
 def diffuse(scene: Scene) -> None:
     """Mean, statistical D, final D and the truth."""
     document = scene.document
-    camera = around(scaled(scene.frame("high_040.jpg").camera, 1.2), scene.mesh)
+    camera = around(scene.frame("high_040.jpg").camera.scaled(1.2), scene.mesh)
     names = ("mean_color", "diffuse", "final_diffuse")
     images = [scene.wearing(scene.as_texture(document.attribute(n) / 100), camera) for n in names]
     images.append(scene.wearing(read_exr(TRUTH / "diffuse_shaded.exr"), camera))
@@ -261,14 +274,45 @@ def materials(scene: Scene) -> None:
 
 def rendering(scene: Scene) -> None:
     """A held-out view, its rendering, and where they differ."""
-    view = scene.held_out[3]
-    true, made = picture(view.path), scene.rendered(view.camera)
-    outside = scene.wearing(np.zeros((8, 8, 3)), view.camera).max(-1) > 20
-    off = np.abs(true.astype(int) - made).mean(-1)
-    off[outside] = 0
-    heat = (255 * plt.get_cmap("inferno")(np.clip(off / 32, 0, 1))[..., :3]).astype(np.uint8)
-    titles = ["held-out view", "rendered", "difference, 0 (black) to 32 of 255"]
-    save(row_of_images([true, made, heat], titles, 8), "rendering.png")
+    (found,) = scene.compared([scene.held_out[3]])
+    *_, made, true, off = found.panels
+    top = f"difference, 0 (black) to {ERROR_TOP} of 255"
+    titles = ["held-out view", f"rendered: {found.psnr:.1f} dB", top]
+    save(row_of_images([true.image, made.image, off.image], titles, 8), "rendering.png")
+
+
+def compared(scene: Scene) -> None:
+    """The sheet of `meshlab-svbrdf compare`, of two held-out views."""
+    found = scene.compared([scene.held_out[1], scene.held_out[3]])
+    image = sheet([[small(panel, 260) for panel in each.panels] for each in found])
+    keep(image, "comparison.jpg")
+
+
+def walk(scene: Scene) -> None:
+    """A turntable of six frames."""
+    cameras = [raster.camera for raster in scene.document.project.rasters]
+    center, radius = scene.mesh.center, scene.mesh.radius
+    ring = framed(turntable(cameras[0], center, radius, upward(cameras), 6), scene.mesh.vertices, 6)
+    save(row_of_images([scene.rendered(camera) for camera in ring], [""] * 6), "turntable.jpg")
+
+
+def report(scene: Scene) -> None:
+    """The first part of the sample's report, as a browser shows it."""
+    from playwright.sync_api import sync_playwright
+
+    browser = shutil.which("chromium") or shutil.which("google-chrome")
+    if browser is None:
+        print("report.jpg: left out, there is no Chromium on the PATH")
+        return
+    with tempfile.TemporaryDirectory() as folder, sync_playwright() as play:
+        page, shot = Path(folder) / "totem.html", Path(folder) / "shot.png"
+        scene.document.apply("generate_svbrdf_report", file=page)
+        opened = play.chromium.launch(executable_path=browser, args=["--no-sandbox"])
+        view = opened.new_page(viewport={"width": 1000, "height": 1500})
+        view.goto(page.as_uri())
+        view.screenshot(path=shot)
+        opened.close()
+        keep(read_image(shot)[..., :3], "report.jpg")
 
 
 def threshold(scene: Scene) -> None:
@@ -291,14 +335,14 @@ def material_specular(scene: Scene) -> None:
 
 def albedo(scene: Scene) -> None:
     """D, and what is left of it without the light."""
-    camera = scaled(around(scene.held_out[3].camera, scene.mesh), 1.5)
+    camera = around(scene.held_out[3].camera, scene.mesh).scaled(1.5)
     shown = [scene.wearing(scene.document.map(name)[0], camera) for name in ("diffuse", "albedo")]
     save(row_of_images(shown, ["diffuse colour, as it was lit", "albedo"], 8), "albedo.png")
 
 
 def relighting(scene: Scene) -> None:
     """A view in its own light, under one lamp, and under a sky with a low sun."""
-    camera = scaled(around(scene.held_out[3].camera, scene.mesh), 1.5)
+    camera = around(scene.held_out[3].camera, scene.mesh).scaled(1.5)
     looks = [replace(scene.looks[0], diffuse=scene.document.map("albedo")[0])]
     lamp = Illumination(
         np.array([[-0.48, 0.6, 0.64]]), np.zeros(1), np.full((1, 3), 1.6), np.zeros(1, bool)
@@ -316,18 +360,40 @@ def relighting(scene: Scene) -> None:
 
 PICTURES = (
     overview, registration, texels, visibility, samples, threshold, environment, diffuse, lights,
-    texel_specular, materials, material_specular, albedo, relighting, rendering,
+    texel_specular, materials, material_specular, albedo, relighting, rendering, compared, walk,
+    report,
 )  # fmt: skip
 
 
-def main(project: str, *names: str) -> None:
-    scene = Scene(project)
-    for draw in PICTURES:
-        if not names or draw.__name__ in names:
-            draw(scene)
+@contextmanager
+def sample_result() -> Iterator[Path]:
+    """A run of the sample project on all frames, with all that pictures show."""
+    with tempfile.TemporaryDirectory() as folder:
+        document = Document.open(SAMPLE / "totem.mlp", folder)
+        for outcome in run_script(document, chain(preset="full")):
+            print(f"{outcome.name}: {outcome.message}")
+        for name in ("compute_svbrdf_texel_specular", "compute_svbrdf_albedo"):
+            print(f"{name}: {document.apply(name).message}")
+        document.save()
+        yield document.path
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    known = [draw.__name__ for draw in PICTURES]
+    parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(known))
+    parser.add_argument("--result", type=Path, help="a result of the sample project")
+    given = parser.parse_args()
+    if unknown := set(given.names) - set(known):
+        parser.error(f"no such picture: {', '.join(sorted(unknown))}")
+    with nullcontext(given.result) if given.result else sample_result() as project:
+        scene = Scene(project)
+        for draw in PICTURES:
+            if not given.names or draw.__name__ in given.names:
+                draw(scene)
 
 
 if __name__ == "__main__":
-    if len(sys.argv) < 2:
-        raise SystemExit(__doc__)
-    main(*sys.argv[1:])
+    main()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from functools import cached_property
 from io import BytesIO
 from pathlib import Path
@@ -14,13 +13,16 @@ from PIL import Image
 
 from meshlab_svbrdf.document.document import Document
 from meshlab_svbrdf.document.images import read_image
-from meshlab_svbrdf.document.project import read_project
+from meshlab_svbrdf.document.project import RasterEntry, read_project
+from meshlab_svbrdf.filters._comparison import Compared, compare_frames
 from meshlab_svbrdf.filters._lights import read_lights
+from meshlab_svbrdf.filters._matte import matte
 from meshlab_svbrdf.filters._stages import read_lights_found, read_observations
 from meshlab_svbrdf.filters.generate_svbrdf_rendering import read_appearance
 from meshlab_svbrdf.geometry.camera import Camera
 from meshlab_svbrdf.geometry.mesh import Mesh
 from meshlab_svbrdf.rendering.acquisition import AcquisitionRenderer
+from meshlab_svbrdf.rendering.paths import framed
 from meshlab_svbrdf.samples.luminance import decode, to_srgb8
 
 mpl.use("Agg")
@@ -77,17 +79,15 @@ class Scene:
 
     def wearing(self, image: np.ndarray, camera: Camera) -> np.ndarray:
         """The object with a texture image (H, W, 3) uint8 or linear float, as 8-bit sRGB."""
-        linear = decode(image / 255) if image.dtype == np.uint8 else image.astype(np.float64)
-        look = replace(
-            self.looks[0], diffuse=linear, tint=np.ones_like(linear),
-            rho_s=np.full(linear.shape[:2], np.nan), alpha=np.full(linear.shape[:2], np.nan),
-            turn=None,
-        )  # fmt: skip
-        return on_back(*AcquisitionRenderer(self.mesh, [look], []).render(camera, 3))
+        return on_back(*matte(self.mesh, [image]).render(camera, 3))
 
     def rendered(self, camera: Camera) -> np.ndarray:
         """The object with its lobes under the lights found, as 8-bit sRGB."""
         return on_back(*AcquisitionRenderer(self.mesh, self.looks, self.lights).render(camera, 3))
+
+    def compared(self, views: list[RasterEntry]) -> list[Compared]:
+        """Views of the truth beside what the result makes of them."""
+        return list(compare_frames(self.document, views, supersampling=3, grey=UNOBSERVED))
 
     def as_texture(self, values: np.ndarray) -> np.ndarray:
         """Per-texel linear colours (T, 3) as a texture image; grey where NaN."""
@@ -112,23 +112,9 @@ def picture(path: Path) -> np.ndarray:
     return read_image(path)[..., :3]
 
 
-def scaled(camera: Camera, factor: float) -> Camera:
-    """The same view with more pixels."""
-    return replace(
-        camera, width=round(camera.width * factor), height=round(camera.height * factor),
-        fx=camera.fx * factor, fy=camera.fy * factor,
-        cx=(camera.cx + 0.5) * factor - 0.5, cy=(camera.cy + 0.5) * factor - 0.5,
-    )  # fmt: skip
-
-
-def around(camera: Camera, mesh: Mesh, margin: int = 12) -> Camera:
+def around(camera: Camera, mesh: Mesh) -> Camera:
     """The part of a view that shows the mesh."""
-    x, y, _ = camera.project(mesh.vertices).T
-    left, right = int(x.min()) - margin, int(x.max()) + margin
-    top, bottom = int(y.min()) - margin, int(y.max()) + margin
-    return replace(
-        camera, width=right - left, height=bottom - top, cx=camera.cx - left, cy=camera.cy - top
-    )
+    return framed([camera], mesh.vertices)[0]
 
 
 def row_of_images(images: list[np.ndarray], titles: list[str], width: float = 9.0):
@@ -150,13 +136,17 @@ def show(axis, image: np.ndarray, title: str = "", **options) -> None:
     axis.set_title(title, pad=5)
 
 
-def save(figure, name: str, most: int = MOST_BYTES) -> None:
-    """docs/images/NAME, a PNG of fewer colours where it would be too large, or a JPEG."""
+def save(figure, name: str) -> None:
+    """docs/images/NAME of a figure."""
     buffer = BytesIO()
     figure.savefig(buffer, dpi=DPI)
     plt.close(figure)
-    image = Image.open(buffer).convert("RGB")
-    path = HERE / "images" / name
+    keep(np.asarray(Image.open(buffer).convert("RGB")), name)
+
+
+def keep(pixels: np.ndarray, name: str, most: int = MOST_BYTES) -> None:
+    """docs/images/NAME, a PNG of fewer colours where it would be too large, or a JPEG."""
+    image, path = Image.fromarray(pixels), HERE / "images" / name
     if path.suffix == ".jpg":
         image.save(path, quality=88, optimize=True)
     else:

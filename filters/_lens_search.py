@@ -65,7 +65,7 @@ def estimate_lens(
         except (SvbrdfError, ValueError):
             return MISSING
         with ClipFrames(part, [made] * len(part)) as frames:
-            camera, _ = solve_start(
+            camera, _, _ = solve_start(
                 mesh, part, local, made, frames, at - low, parameters
             )  # fmt: skip
             quick = replace(options, free_focal=False, cut=0.0)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
 
 from meshlab_svbrdf.document.document import Document
 from meshlab_svbrdf.geometry.gutters import fill_gutters
 from meshlab_svbrdf.geometry.texels import Texels
+from meshlab_svbrdf.rendering.colors import viridis
 from meshlab_svbrdf.samples.luminance import to_srgb8
 
 from ._stages import UNOBSERVED_GREY
@@ -49,11 +49,7 @@ def set_scalar_map(
     low, high = np.quantile(scale[known], [0.01, 0.99]) if known.any() else (0.0, 1.0)
     if high - low < 1e-6 * max(abs(high), 1e-6):
         low, high = low - 0.5, high + 0.5
-    codes = np.rint(255 * np.clip((np.where(known, scale, low) - low) / (high - low), 0, 1)).astype(
-        np.uint8
-    )
-    bgr = cv2.applyColorMap(np.arange(256, dtype=np.uint8), cv2.COLORMAP_VIRIDIS)
-    table = bgr.reshape(256, 3)[:, ::-1]
-    colors = np.where(known[:, None], table[codes], np.uint8(UNOBSERVED_GREY))
+    share = (np.where(known, scale, low) - low) / (high - low)
+    colors = np.where(known[:, None], viridis(share), np.uint8(UNOBSERVED_GREY))
     set_texture(document, name, texels, colors)
     document.show_map(shown, name)

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from meshlab_svbrdf.document.document import Document
+from meshlab_svbrdf.geometry.surface_shape import steepest_turn, surface_shape
 from meshlab_svbrdf.geometry.visibility import Rays
 from meshlab_svbrdf.progress import Progress
 from meshlab_svbrdf.reflectance.lights import Light
@@ -38,6 +41,17 @@ def read_observations(
         order=document.array("samples_order"),
         rays=Rays(mesh) if rays else None,
     )
+
+
+def read_curved_observations(
+    document: Document, *, rays: bool = False
+) -> tuple[Observations, np.ndarray]:
+    """The samples with the surface's shape, and how fast the normals turn (T,), radians per radius:
+    what a joint fit takes."""
+    observations = read_observations(document, rays=rays)
+    texels = observations.texels
+    shape = surface_shape(texels.position, texels.normal)
+    return replace(observations, shape=shape), steepest_turn(shape) * texels.radius
 
 
 def read_statistics(document: Document) -> LuminanceStatistics:

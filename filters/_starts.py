@@ -18,10 +18,12 @@ from meshlab_svbrdf.geometry.lens import Lens, with_coefficients
 from meshlab_svbrdf.geometry.mesh import Mesh
 from meshlab_svbrdf.progress import Progress
 from meshlab_svbrdf.registration.points import solve_camera_from_points
-from meshlab_svbrdf.registration.refine import refine_camera
+from meshlab_svbrdf.registration.refine import refine_camera, settle_camera
+from meshlab_svbrdf.registration.results import Options
 
 from ._clips import Place, centred_lens, coefficients, find_frame, find_raster, focal_length
 
+PICKED = 2.0 / 1920  # of the frame's longer side, by which a camera from picks may be wrong, RMS
 SLIPPED = 0.02  # of the frame's width: picked points that a camera misses by more are wrong
 
 STARTS = (
@@ -41,7 +43,8 @@ STARTS = (
     ),
     Parameter(
         "refine_start", "bool", True,
-        help="Refine cameras from picked points by mutual information too, where that converges.",
+        help="Move cameras from picked points to where the mesh's silhouette and sharp edges are "
+        "the frame's, where it shows them.",
     ),
 )  # fmt: skip
 
@@ -135,8 +138,9 @@ def lens_of(clip: Clip, starts: list[Start], parameters: Namespace) -> Lens | No
 def solve_start(
     mesh: Mesh, clip: Clip, start: Start, lens: Lens | None, frames: ClipFrames, frame: int,
     parameters: Namespace,
-) -> tuple[Camera, str]:  # fmt: skip
-    """The start's camera of the undistorted frame, and what is to be said of it.
+) -> tuple[Camera, float, str]:  # fmt: skip
+    """The start's camera of the undistorted frame, by how many pixels it may be wrong, and what is
+    to be said of it.
 
     frame : where in `frames` it is
     """
@@ -151,14 +155,17 @@ def solve_start(
         said = start.name
     else:
         camera, said = _solve_points(clip, start, lens, focal)
+    picked = PICKED * max(clip.size)
+    error = Options.start_error if start.filmed is not None else picked
     if not start.rough:
-        return camera, said
+        return camera, error, said
     free = start.filmed is None and focal is None
-    refined = refine_camera(mesh.vertices, mesh.faces, frames[frame], camera, free_focal=free)
+    refine = settle_camera if start.filmed is None else refine_camera
+    refined = refine(mesh.vertices, mesh.faces, frames[frame], camera, free_focal=free)
     if refined.converged:
-        return refined.camera, f"{said}, refined"
+        return refined.camera, picked, f"{said}, refined"
     if start.filmed is None:
-        return camera, f"{said}, not refined: mutual information did not converge"
+        return camera, error, f"{said}, not refined: the frame does not show the mesh's lines there"
     raise SvbrdfError(
         f"{start.name}: its camera does not converge: mutual information finds no place where mesh "
         "and frame agree; start from within 5° and 5 % of the distance, or pick points"

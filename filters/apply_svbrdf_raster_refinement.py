@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from meshlab_svbrdf.document.document import Document
-from meshlab_svbrdf.document.frames import Frames
+from meshlab_svbrdf.document.frames import Frames, FramesInOrder
 from meshlab_svbrdf.document.project import RasterEntry
 from meshlab_svbrdf.document.registered import FrameReport, clip_json
 from meshlab_svbrdf.errors import SvbrdfError
@@ -50,7 +50,7 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
     with Frames(rasters) as pixels:
         for nth, own in enumerate(sequences.values()):
             part = progress.part(0.9 * nth / len(sequences), 0.9 * (nth + 1) / len(sequences))
-            frames = _Frames(pixels, own)
+            frames = FramesInOrder(pixels, own)
             known = {k: r.camera for k, r in enumerate(own) if np.any(r.camera.center)}
             if not known:
                 raise SvbrdfError(
@@ -66,7 +66,7 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
             core = refine_cameras if len(known) == len(own) else register_frames
             result = core(mesh.vertices, mesh.faces, frames, known, options, part)
             entries.append(clip_json(None, _reports(own, result, parameters)))
-        readers = [_Frames(pixels, own) for own in sequences.values()]
+        readers = [FramesInOrder(pixels, own) for own in sequences.values()]
         return stage(
             document, entries, lambda c, k: readers[c][k], mesh, {}, progress.part(0.9, 1)
         )  # fmt: skip
@@ -85,16 +85,3 @@ def _reports(
             )
         )  # fmt: skip
     return found
-
-
-class _Frames:
-    """The pixels of rasters by their place."""
-
-    def __init__(self, pixels: Frames, rasters: list[RasterEntry]) -> None:
-        self.pixels, self.rasters = pixels, rasters
-
-    def __len__(self) -> int:
-        return len(self.rasters)
-
-    def __getitem__(self, index: int, /) -> np.ndarray:
-        return self.pixels.read(self.rasters[index])

@@ -16,6 +16,7 @@ from meshlab_svbrdf.samples.luminance import to_srgb8
 from ._lights import read_lights
 from ._maps import set_texture
 from ._stages import UNOBSERVED_GREY
+from ._views import LAMP_RADIUS
 
 FILTER = Filter(
     name="compute_svbrdf_albedo",
@@ -23,11 +24,7 @@ FILTER = Filter(
     needs=("mesh", "texels", "visibility", "material_specular"),
     writes=("albedo",),
     parameters=(
-        Parameter(
-            "lamp_radius", "float", 0.0, minimum=0.0, maximum=20.0, unit="degrees",
-            help="Of the lamps, as seen from the object, if it is known: shadows of large lamps "
-            "have soft edges.",
-        ),
+        LAMP_RADIUS,
         Parameter(
             "balance", "enum", "camera", choices=("camera", "highlights"),
             help='What is white: "camera" trusts its white balance; "highlights" divides by the '

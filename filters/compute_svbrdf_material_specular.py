@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from meshlab_svbrdf.document.document import Document
 from meshlab_svbrdf.filter import Filter, Namespace, Parameter
-from meshlab_svbrdf.geometry.surface_shape import steepest_turn, surface_shape
 from meshlab_svbrdf.progress import Progress
 from meshlab_svbrdf.reflectance.density import highest_bell
 from meshlab_svbrdf.reflectance.estimate import Estimate, estimate
@@ -24,7 +21,7 @@ from ._lights import set_lights
 from ._maps import set_diffuse_maps, set_scalar_map
 from ._materials import read_labels
 from ._sheen import seek_sheen, set_sheen, sheen_note
-from ._stages import read_lights_found, read_observations
+from ._stages import read_curved_observations, read_lights_found, read_observations
 
 FILTER = Filter(
     name="compute_svbrdf_material_specular",
@@ -200,11 +197,7 @@ def _joint(
     document: Document, labels: np.ndarray, ids: np.ndarray, lights: list[Light],
     diffuse: np.ndarray, parameters: Namespace, progress: Progress,
 ) -> Estimate:  # fmt: skip
-    observations = read_observations(document, rays=parameters.shadows == "rays")
-    texels = observations.texels
-    shape = surface_shape(texels.position, texels.normal)
-    observations = replace(observations, shape=shape)
-    turn = steepest_turn(shape) * texels.radius
+    observations, turn = read_curved_observations(document, rays=parameters.shadows == "rays")
     return estimate(
         observations, labels, lights, diffuse, turn, observations.footprint,
         complete=parameters.complete,

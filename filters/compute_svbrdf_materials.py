@@ -9,14 +9,16 @@ from meshlab_svbrdf.document.images import read_image, texture_files
 from meshlab_svbrdf.filter import Filter, Namespace, Parameter
 from meshlab_svbrdf.progress import Progress
 from meshlab_svbrdf.reflectance.labels import from_image
-from meshlab_svbrdf.reflectance.materials import segment_surface
 
+from ._clusters import find_clusters
 from ._materials import set_labels
 
 FILTER = Filter(
     name="compute_svbrdf_materials",
     title="SVBRDF: materials",
+    version=2,
     needs=("mesh", "texels", "diffuse"),
+    needs_if={"lights": ("gloss", True)},  # the samples are what the diffuse colour is from
     writes=("materials",),
     parameters=(
         Parameter(
@@ -44,6 +46,12 @@ FILTER = Filter(
             "join", "bool", True,
             help="Join regions of like colour that do not touch.",
         ),
+        Parameter(
+            "gloss", "bool", False,
+            help="Ask the highlights, too: clusters of one gloss become one, whatever their "
+            "colours, and a cluster whose parts clearly differ in gloss becomes two. What the "
+            "samples do not tell stays as the colour has it.",
+        ),
     ),
     help="Seeds where the colour is most uniform, regions that grow over the surface, across UV "
     "seams, while colours stay near their mean. maps/material.png holds the ids; the layer "
@@ -63,10 +71,9 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
             labels = np.where(labels >= 0, np.append(table.astype(np.int32), -1)[labels], -1)
         labels = np.where(np.isfinite(document.attribute("diffuse")).all(1), labels, -1)
         return set_labels(document, texels, labels) + f", given by {path.name}"
-    progress(0.1, "growing regions")
-    labels = segment_surface(
-        texels.position, texels.normal, document.attribute("diffuse"),
-        threshold=parameters.threshold, lightness_weight=parameters.lightness_weight,
-        minimum_share=parameters.minimum_share, join=parameters.join,
+    labels, words = find_clusters(
+        document, progress, threshold=parameters.threshold,
+        lightness_weight=parameters.lightness_weight, minimum_share=parameters.minimum_share,
+        join=parameters.join, gloss=parameters.gloss,
     )  # fmt: skip
-    return set_labels(document, texels, labels)
+    return ", ".join(filter(None, [set_labels(document, texels, labels), words]))

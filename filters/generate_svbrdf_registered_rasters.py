@@ -20,7 +20,7 @@ from meshlab_svbrdf.registration.track import register_frames
 from ._clips import FOOTAGE, LENS, choose_frames, open_clips
 from ._lens_search import estimate_lens
 from ._registration import ORDER, REPORT, in_order, reports, stage, stage_undistorted
-from ._starts import STARTS, Start, find_starts, lens_of, solve_start
+from ._starts import PICKED, STARTS, Start, find_starts, lens_of, solve_start
 
 BRIDGEHEAD = 24  # frames of a registered clip that another one is matched with
 SURE = 0.5  # confidence from which on a matched frame starts its clip
@@ -108,19 +108,21 @@ def _register(
         else:
             lens = next(iter(done.values()))[0].lenses[0] if done else None
     frames = ClipFrames(clip, [lens] * len(clip))
-    words = []
+    words, errors = [], []
     cameras: dict[int, Camera] = {}
     for start in starts:
-        camera, told = solve_start(
+        camera, error, told = solve_start(
             mesh, clip, start, lens, frames, start.place.frame, parameters
         )  # fmt: skip
         cameras[start.place.frame] = _like(camera, cameras)
         words.append(told)
+        errors.append(error)
     if not cameras:
         cameras = _from_others(mesh, clip, frames, done, options, progress.part(0.3, 0.5))
         words.append(f"{clip.source.name} from the frames before it")
     if lens is not None and parameters.distortion.strip() == "auto":
         words.append(f"distortion k1 {lens.coefficients[0]:+.4f}")
+    options = replace(options, start_error=max(errors, default=PICKED * max(clip.size)))
     result = register_frames(
         mesh.vertices, mesh.faces, frames, cameras, options, progress.part(0.5, 1)
     )

@@ -15,17 +15,16 @@ from meshlab_svbrdf.rendering.surface import Appearance
 
 from ._lights import read_lights
 from ._sheen import with_sheen
-from ._views import BACKGROUND, CAMERAS, FOLDER, REFLECTANCE, SUPERSAMPLING, render_views, views
+from ._views import BACKGROUND, LAMP_RADIUS, REFLECTANCE, VIEWS, render_views, views
 
 FILTER = Filter(
     name="generate_svbrdf_rendering",
     title="SVBRDF: render the acquisition's light",
     needs=("mesh", "texels", "material_specular"),
     parameters=(
-        CAMERAS,
-        FOLDER,
-        SUPERSAMPLING,
+        *VIEWS,
         Parameter("shadows", "bool", True, help="Whether the object shades its own highlights."),
+        LAMP_RADIUS,
         replace(REFLECTANCE, help=f"{REFLECTANCE.help} D stays the best one's."),
         BACKGROUND,
     ),
@@ -39,7 +38,7 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
     wanted = views(document, parameters)
     renderer = AcquisitionRenderer(
         document.mesh(), read_appearance(document, parameters.reflectance == "best"),
-        read_lights(document), parameters.shadows,
+        read_lights(document), parameters.shadows, parameters.lamp_radius,
     )  # fmt: skip
     return render_views(renderer, wanted, parameters, progress)
 

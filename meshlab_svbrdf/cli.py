@@ -1,6 +1,6 @@
-"""The shell: `meshlab-svbrdf register | run | batch | plan | apply | info | render | view` …
+"""The shell: `meshlab-svbrdf register | run | batch | plan | apply | info | render | export` …
 
-What the commands are called and take. `commands.py` does it, and is imported when one is run, so
+What the commands are called and take. `commands*.py` do it, and are imported when one is run, so
 that `--help` comes at once.
 """
 
@@ -27,10 +27,20 @@ class Estimator(StrEnum):
     paper = "paper"
 
 
+class CameraPath(StrEnum):
+    smooth = "smooth"
+    turntable = "turntable"
+
+
 class PresetName(StrEnum):
     draft = "draft"
     standard = "standard"
     full = "full"
+
+
+class Unobserved(StrEnum):
+    grey = "grey"
+    nearest = "nearest"
 
 
 Project = Annotated[
@@ -288,22 +298,125 @@ def info(project: Project, as_json: AsJson = False) -> None:
 @app.command()
 def render(
     project: Project,
-    cameras: Annotated[Path, typer.Option(help="A project whose rasters are the views to render.")],
-    output: Annotated[Path, typer.Option("-o", "--output", help="The folder for the images.")],
+    output: Annotated[
+        Path, typer.Option("-o", "--output", help="A folder for the images, or a film, FILE.mp4.")
+    ],
+    cameras: Annotated[
+        Path | None,
+        typer.Option(help="A project whose rasters are the views; without it PROJECT's own."),
+    ] = None,
+    path: Annotated[
+        CameraPath | None,
+        typer.Option(help="smooth: a film over the cameras. turntable: around the object."),
+    ] = None,
+    frames: Annotated[int | None, typer.Option(help="Of a path.", min=2)] = None,
+    elevation: Annotated[
+        float | None, typer.Option(help="Degrees, of a turntable's camera above the horizon.")
+    ] = None,
+    distance: Annotated[
+        str, typer.Option(help="Of a turntable's camera; without it the object just fits.")
+    ] = "",
     lights: Annotated[
         Path | None, typer.Option(help="Other lights, a JSON file in the form of lights.json.")
     ] = None,
     environment: Annotated[
         Path | None, typer.Option(help="Other surroundings, an HDR map, latitude-longitude EXR.")
     ] = None,
-    turn: Annotated[float, typer.Option(help="Degrees by which the surroundings turn.")] = 0.0,
-    exposure: Annotated[float, typer.Option(help="Stops, of other light.")] = 0.0,
+    recovered: Annotated[
+        bool, typer.Option("--recovered", help="The recovered environment map as the light.")
+    ] = False,
+    turn: Annotated[
+        float | None, typer.Option(help="Degrees by which the surroundings turn.")
+    ] = None,
+    exposure: Annotated[float | None, typer.Option(help="Stops, of other light.")] = None,
+    lamp_radius: Annotated[
+        float | None, typer.Option(help="Degrees, of the lamps: soft shadows.")
+    ] = None,
+    preview: Annotated[
+        bool, typer.Option("--preview", help="A quarter of the size, one ray a pixel: at once.")
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Render the object as it was lit or under other light, from another project's cameras."""
-    from . import commands
+    """Render the object as it was lit or under other light: views, or a film along a path."""
+    from . import commands_show
 
-    commands.render(project, cameras, output, lights, environment, turn, exposure, as_json)
+    commands_show.render(
+        project, output,
+        {
+            "cameras": cameras, "path": path, "frames": frames, "elevation": elevation,
+            "distance": distance or None, "lamp_radius": lamp_radius,
+        },
+        {
+            "lights": lights, "environment": environment, "recovered": recovered or None,
+            "turn": turn, "exposure": exposure,
+        },
+        preview=preview, as_json=as_json,
+    )  # fmt: skip
+
+
+@app.command()
+def compare(
+    project: Project,
+    output: Annotated[Path, typer.Option("-o", "--output", help="The folder for the pictures.")],
+    frames: Annotated[
+        list[str] | None,
+        typer.Option(metavar="RASTER", help="A frame by its label, as often as needed."),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Show frames beside what PROJECT's result makes of them, with PSNR and SSIM.
+
+    Without --frames these are the held-out ones, or a few of those that were used.
+    """
+    from . import commands_show
+
+    commands_show.compare(project, output, frames or [], as_json)
+
+
+@app.command()
+def report(
+    project: Project,
+    output: Annotated[Path, typer.Option("-o", "--output", help="The page to write, .html.")],
+    as_json: AsJson = False,
+) -> None:
+    """Write one page of HTML with all that is known of PROJECT's result, to file with the object.
+
+    It needs nothing else: it opens offline, and prints.
+    """
+    from . import commands_show
+
+    commands_show.report(project, output, as_json)
+
+
+@app.command()
+def export(
+    project: Project,
+    output: Annotated[Path, typer.Option("-o", "--output", help="The folder for the files.")],
+    formats: Annotated[
+        str, typer.Option("--format", help="Of gltf, glb, obj, textures and lights.")
+    ] = "glb,obj,textures,lights",
+    shaded: Annotated[
+        bool, typer.Option("--shaded", help="The colour as it was lit, shown without a light.")
+    ] = False,
+    lights: Annotated[
+        Path | None, typer.Option(help="Other lamps, a JSON file in the form of lights.json.")
+    ] = None,
+    scale: Annotated[
+        float, typer.Option(help="Of colour and gloss; lamps are divided by it.")
+    ] = 1.0,
+    unobserved: Annotated[
+        Unobserved, typer.Option(help="Colour of texels that were not observed.")
+    ] = Unobserved.grey,
+    jpeg: Annotated[bool, typer.Option("--jpeg", help="glTF's base colour as JPEG.")] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Write the object for other programs: glTF, OBJ, textures, lamps."""
+    from . import commands_export
+
+    commands_export.export(
+        project, output, formats=formats, shaded=shaded, lights=lights, scale=scale,
+        unobserved=unobserved, jpeg=jpeg, as_json=as_json,
+    )  # fmt: skip
 
 
 @app.command()

@@ -37,9 +37,6 @@ from .script import Step, check_script, run_script
 errors = Console(stderr=True)
 TEXTURE_SIZE = "compute_svbrdf_texels.texture_size"
 MATERIALS = "compute_svbrdf_materials.image"
-RENDERING = "generate_svbrdf_rendering"
-RELIGHTING = "generate_svbrdf_relighting"
-ALBEDO = "compute_svbrdf_albedo"
 CURRENT = "up to date"
 
 
@@ -154,36 +151,6 @@ def info(project: Path, as_json: bool) -> None:
                 typer.echo(f"stale    {product}: run {state['filter']} again")
         for material in told["materials"]:
             typer.echo(_material_line(material))
-
-
-def render(
-    project: Path, cameras: Path, output: Path, lights: Path | None, environment: Path | None,
-    turn: float, exposure: float, as_json: bool,
-) -> None:  # fmt: skip
-    """Render the object as it was lit or under other light, seen from another project's cameras."""
-    with _friendly():
-        parameters: dict[str, Any] = {
-            "cameras": str(cameras.absolute()),
-            "folder": str(output.absolute()),
-        }
-        relit = lights is not None or environment is not None
-        if not relit and (turn or exposure):
-            raise SvbrdfError("--turn and --exposure are of other light: give --environment")
-        document = Document.open(project)
-        if not document.has("material_specular"):
-            raise SvbrdfError(
-                f"{project} has no results to render: make them with "
-                f"`meshlab-svbrdf run {project} -o out` and render out/{project.name}"
-            )
-        with _stages(as_json) as (say, show):
-            if not relit:
-                say(document.apply(RENDERING, False, show("render"), **parameters))
-                return
-            say(document.apply(ALBEDO, False, show("albedo")))
-            given = {"lights": lights, "environment": environment}
-            parameters |= {k: str(v.absolute()) for k, v in given.items() if v is not None}
-            parameters |= {"turn": turn, "exposure": exposure}
-            say(document.apply(RELIGHTING, False, show("render"), **parameters))
 
 
 def view(project: Path, port: int, browser: bool) -> None:

@@ -52,6 +52,7 @@ TEXELS, VISIBILITY = "compute_svbrdf_texels", "compute_svbrdf_visibility"
 ENVIRONMENT = "generate_svbrdf_environment_map"
 PEAKS = "compute_svbrdf_texel_specular.peaks"
 GLOSS = "compute_svbrdf_material_specular.gloss"
+COMPARED = "compute_svbrdf_materials.gloss"
 TRIED_FRAMES, TRIED_TEXELS, TIMED_TEXELS = 24, 4000, 65536
 
 
@@ -286,7 +287,8 @@ def _highlights(trial: Trial | None, given: Mapping[str, Any]) -> Decision:
             f"samples of {h.judged:,} texels in a few frames spread evenly about their medians, "
             f"and {h.rising or 'none'} of them rise{'s' * (h.rising < 2)} far above"
         )
-        sets = {name: "none" for name in (PEAKS, GLOSS) if name not in given}
+        spared = {PEAKS: "none", GLOSS: "none"} | ({} if asked else {COMPARED: "false"})
+        sets = {name: value for name, value in spared.items() if name not in given}
         return Decision("highlights", "not sought" if sets else "sought", reason, sets, asked)
     reason = f"{h.rising:,} of {h.judged:,} texels tried rise far above their noise"
     if h.judged < ENOUGH_TEXELS or h.rising <= RISING * h.judged:

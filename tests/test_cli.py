@@ -10,10 +10,10 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from meshlab_svbrdf import cli, commands
+from meshlab_svbrdf import cli
 from meshlab_svbrdf.document.document import Document
 from meshlab_svbrdf.document.record import ResultFolder
-from meshlab_svbrdf.filter import Filter, Parameter
+from meshlab_svbrdf.filter import Filter
 
 pytestmark = pytest.mark.usefixtures("demos")
 
@@ -221,28 +221,6 @@ def test_that_kernels_are_compiled_is_known_wherever_numba_keeps_them(tmp_path, 
     )  # fmt: skip
     assert told.stdout.split() == ["False", "True"]
     assert list((tmp_path / "cache").rglob("*.nbi"))
-
-
-def test_rendering_is_a_filter_given_cameras_and_a_folder(small_project, tmp_path, demos):
-    got = []
-    parameters = (Parameter("cameras", "path", ""), Parameter("folder", "path", ""))
-    demos[commands.RENDERING] = Filter(
-        commands.RENDERING,
-        "Render",
-        parameters=parameters,
-        apply=lambda document, parameters, progress: got.append(parameters) or "3 views",
-    )
-    words = ("render", small_project, "--cameras", small_project, "-o", tmp_path / "views")
-    result = shell(*words)
-    assert result.exit_code == 1
-    assert "no results to render" in result.stderr
-    assert not got
-    with Document.open(small_project).write("material_specular"):
-        pass
-    result = shell(*words)
-    assert result.exit_code == 0, result.output
-    assert "3 views" in result.stdout
-    assert vars(got[0]) == {"cameras": small_project, "folder": tmp_path / "views"}
 
 
 def test_a_run_does_not_replace_the_users_project(small_project, chain):

@@ -19,6 +19,11 @@ BALL = Material("plastic ball", None, None, (0.30, 0.02, 0.02), (0.45, 0.05, 0.0
 DULL = Material("dull plastic", None, None, (0.05, 0.12, 0.30), (0.10, 0.22, 0.45), plastic=0.3)
 GOLD = Material("gold", None, None, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), gold=0.2)
 
+# Two colours, each in two glosses
+DULL_GLAZE = replace(GLAZE, name="dull glaze", rho_s=0.15, alpha=8.0)
+POLISHED_WAX = replace(WAX, name="polished wax", rho_s=0.3, alpha=80.0)
+TWINS = (GLAZE, DULL_GLAZE, WAX, POLISHED_WAX)
+
 FLOODS = (
     Lamp("key", 35, 42, 7.0),
     Lamp("fill", -70, 22, 12.0, intensity=0.85),
@@ -69,6 +74,7 @@ _ALL = (
     _like(CONVEX, "plastic", "rough plastic, two roughnesses, and plaster",
           materials=(BALL, DULL, PLASTER)),
     _like(CONCAVE, "gold", "gold, glaze and plaster", materials=(GOLD, GLAZE, PLASTER)),
+    _like(CONVEX, "twins", "two colours, each in two glosses", materials=TWINS),
     # What real acquisitions suffer from
     _like(CONVEX, "noise", "sensor noise of 2 code values", noise=2.0),
     _like(CONVEX, "jpeg", "JPEG quality 60", quality=60),

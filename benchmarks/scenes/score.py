@@ -19,6 +19,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from meshlab_svbrdf.document.images import read_exr, read_image
+from meshlab_svbrdf.samples.luminance import decode
 
 from .score_environment import environment
 from .score_views import unseen_views
@@ -97,6 +98,27 @@ def diffuse(result: Path, truth: Path) -> Scores:
     }
 
 
+def albedo(found: Path, truth: Path) -> Scores:
+    """CIEDE2000 of a map against the true albedo at its resolution, one linear scale fitted."""
+    true = decode(read_image(truth / "albedo.png")[..., :3] / 255)
+    image = read_exr(found).astype(np.float64)
+    size = tuple(min(a, b) for a, b in zip(image.shape[1::-1], true.shape[1::-1], strict=True))
+    inside = _shrink((read_image(truth / "texel_mask.png") > 127).astype(float), size) > 0.999
+    known = np.isfinite(image).all(-1)
+    weight = _shrink(known.astype(float), size)
+    mean, true = _shrink(np.where(known[..., None], image, 0), size), _shrink(true, size)
+    seen = inside & (weight > 0.5)
+    if not seen.any():
+        return {"coverage": None, "dE_mean": None, "dE_median": None}
+    a, b = mean[seen] / weight[seen][:, None], true[seen]
+    error = colour.delta_E(_lab(a * (a * b).sum() / (a * a).sum()), _lab(b))
+    return {
+        "coverage": float(seen.sum() / inside.sum()),
+        "dE_mean": float(error.mean()),
+        "dE_median": float(np.median(error)),
+    }
+
+
 def materials(result: Path, truth: Path) -> Scores:
     """Per true material: ln of estimate over truth, where the truth is a Phong lobe.
 
@@ -105,7 +127,7 @@ def materials(result: Path, truth: Path) -> Scores:
     described = _json(truth / "materials.json")["materials"]
     least, most = (seen_lobes(truth, of)[0] for of in (np.max, np.min))
     rho_s, alpha = (read_exr(result / "maps" / f"{name}.exr") for name in ("rho_s", "alpha"))
-    ids, inside = _like(rho_s, truth)
+    ids, inside = like_truth(rho_s, truth)
     inside &= read_image(result / "maps" / "valid.png") > 127
     rows = []
     for m, low, high in zip(described, least, most, strict=True):
@@ -155,25 +177,32 @@ def _worst(errors: Iterable[float]) -> float | None:
 def clusters(result: Path, truth: Path) -> Scores:
     """How many, the share of the surface that has a label, and the labels' adjusted Rand index."""
     label = read_image(result / "maps" / "material.png")
-    ids, inside = _like(label, truth)
-    ok = inside & (label < np.iinfo(label.dtype).max)
-    table = np.zeros((256, int(label[ok].max(initial=0)) + 1))
-    np.add.at(table, (ids[ok], label[ok]), 1)
+    ids, inside = like_truth(label, truth)
+    labelled = inside & (label < np.iinfo(label.dtype).max)
+    truly, found = (np.where(labelled, a.astype(int), -1).ravel() for a in (ids, label))
+    return {
+        "clusters": len(np.unique(label[labelled])),
+        "labelled": float(labelled.sum() / max(inside.sum(), 1)),
+        "adjusted_rand": adjusted_rand(truly, found),
+    }
+
+
+def adjusted_rand(a: np.ndarray, b: np.ndarray) -> float:
+    """Of two labellings (N,) int where both are at least 0: 1 alike, 0 as by chance (Hubert and
+    Arabie 1985)."""
+    both = (a >= 0) & (b >= 0)
+    table = np.zeros((a.max(initial=0) + 1, b.max(initial=0) + 1))
+    np.add.at(table, (a[both], b[both]), 1)
 
     def pairs(x: np.ndarray) -> float:
         return float((x * (x - 1) / 2).sum())
 
     rows, columns, total = pairs(table.sum(1)), pairs(table.sum(0)), pairs(table.sum())
     chance = rows * columns / max(total, 1)
-    rand = (pairs(table) - chance) / max((rows + columns) / 2 - chance, 1e-12)
-    return {
-        "clusters": int((table.sum(0) > 0).sum()),
-        "labelled": float(ok.sum() / max(inside.sum(), 1)),
-        "adjusted_rand": rand,
-    }
+    return (pairs(table) - chance) / max((rows + columns) / 2 - chance, 1e-12)
 
 
-def _like(image: np.ndarray, truth: Path) -> tuple[np.ndarray, np.ndarray]:
+def like_truth(image: np.ndarray, truth: Path) -> tuple[np.ndarray, np.ndarray]:
     """The true material ids and the charts' mask at the image's size."""
     size = image.shape[1::-1]
     ids, mask = (

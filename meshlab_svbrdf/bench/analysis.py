@@ -109,7 +109,7 @@ def paper_row(run: Figures) -> Figures:
     return {
         "frames": run["frames"],
         "triangles": run["triangles"],
-        "registration": None,
+        "registration": run.get("registration"),
         **{name: sum(s["seconds"] for s in part) for name, part in parts.items()},
         "clusters": run["clusters"],
     }

@@ -17,11 +17,13 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from numba.core.event import install_recorder
 
 from ..document.document import Document
-from ..document.frames import Frames
+from ..document.frames import Frames, FramesInOrder
 from ..presets import chain
+from ..registration.track import register_frames
 from ..script import run_script
 from ..threads import thread_count
 from .files import ahead
@@ -163,8 +165,30 @@ def run_decode(project: str) -> Figures:
     return decode_frames(Document.open(project)) | {"threads": thread_count()}
 
 
+def run_registration(project: str, count: int) -> Figures:
+    """Register the first frames of a project from the first one's camera, decoding them included.
+
+    error : pixels, RMS over the mesh's vertices, of the median frame, against the project's cameras
+    """
+    document = Document.open(project)
+    mesh, rasters = document.mesh(), document.rasters[:count]
+    with Frames(rasters) as pixels:
+        frames, two = (FramesInOrder(pixels, some) for some in (rasters, rasters[:2]))
+        start = {0: rasters[0].camera}
+        register_frames(mesh.vertices, mesh.faces, two, start)  # warm
+        with metered() as figures:
+            found = register_frames(mesh.vertices, mesh.faces, frames, start).cameras
+    errors = [
+        np.sqrt(((c.project(mesh.vertices) - raster.camera.project(mesh.vertices)) ** 2)[:, :2]
+                .sum(1).mean())
+        for k, raster in enumerate(rasters) if (c := found.get(k)) is not None
+    ]  # fmt: skip
+    error = float(np.median(errors))
+    return figures | {"frames": len(rasters), "registered": len(found), "error": error}
+
+
 TASKS: dict[str, Callable[..., Figures]] = {
-    "chain": run_chain, "decode": run_decode, "warm": warm_up,
+    "chain": run_chain, "decode": run_decode, "warm": warm_up, "register": run_registration,
 }  # fmt: skip
 
 

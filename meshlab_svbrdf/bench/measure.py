@@ -19,6 +19,7 @@ Figures = dict[str, Any]
 AUTOMATIC = "standard"
 FULL = "full"
 SLOPE_FROM = 300  # frames; the default where there are four times as many
+REGISTERED = 60  # frames that are registered, to know what a frame takes
 SIZE = "compute_svbrdf_texels.texture_size"
 
 
@@ -111,6 +112,7 @@ class _Bench:
             "bytes_per_frame": self.workload.bytes / self.workload.frames,
         }
         told["runs"] = [run]
+        run["registration"] = self._registration()
         if wanted.threads[1:]:
             told["runs"].append(self.run(wanted.frames, wanted.preset, wanted.threads[1]))
             told["second_core"] = _gain(*told["runs"])
@@ -143,6 +145,13 @@ class _Bench:
                     "warm", None, {"NUMBA_CACHE_DIR": cache}, estimator=self.wanted.estimator
                 )
         return told
+
+    def _registration(self) -> Figures:
+        """What it takes to register some frames of the workload, from the first one's camera."""
+        count = min(REGISTERED, self.wanted.frames)
+        self.say(f"registering {count} frames")
+        project = str(self.workload.first(self.wanted.frames))
+        return measure("register", self.threads, project=project, count=count)
 
     def _automatic(self) -> Figures:
         """Time and error with the frames chosen automatically, and with all of them."""

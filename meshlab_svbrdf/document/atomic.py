@@ -1,10 +1,11 @@
-"""Write a file whole or not at all: a temporary name in the same folder, then a rename."""
+"""Write files whole or not at all: temporary names in the same folder, then renames."""
 
 from __future__ import annotations
 
 import os
 import re
 import secrets
+import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -34,6 +35,30 @@ def replacing(path: str | Path) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
     if os.name == "posix":
         _sync(path.parent)
+
+
+@contextmanager
+def filling(folder: str | Path) -> Iterator[Path]:
+    """Give an empty folder; its files go into `folder`, made if need be, when the block succeeds.
+
+    Files of the same names there are replaced, others stay. A block that raises changes nothing.
+    """
+    folder = Path(folder)
+    made = next((p for p in (*reversed(folder.parents), folder) if not p.exists()), None)
+    folder.mkdir(parents=True, exist_ok=True)
+    temporary = folder / f".part.{secrets.token_hex(4)}"
+    try:
+        temporary.mkdir()
+        yield temporary
+        for path in temporary.iterdir():
+            _sync(path)
+        for path in sorted(temporary.iterdir()):
+            os.replace(path, folder / path.name)
+        made = None
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
+        if made is not None:
+            shutil.rmtree(made, ignore_errors=True)
 
 
 @contextmanager

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from functools import cache
 from pathlib import Path
@@ -107,6 +107,19 @@ class Frames:
                 times = (frame.time for frame in self.videos.values() if frame.video == video)
                 self._readers[video] = VideoReader(video, times)
             return self._readers[video]
+
+
+class FramesInOrder:
+    """The pixels of rasters by their place."""
+
+    def __init__(self, pixels: Frames, rasters: Sequence[RasterEntry]) -> None:
+        self.pixels, self.rasters = pixels, rasters
+
+    def __len__(self) -> int:
+        return len(self.rasters)
+
+    def __getitem__(self, index: int, /) -> np.ndarray:
+        return self.pixels.read(self.rasters[index])
 
 
 def file_stamp(path: Path) -> list[Any]:

@@ -111,8 +111,8 @@ def read_image(path: str | Path) -> np.ndarray:
     return image if image.ndim == 2 else _swap_red_and_blue(image)
 
 
-def write_png(path: str | Path, array: np.ndarray) -> None:
-    """Write a PNG whole or not at all.
+def png_of(array: np.ndarray) -> bytes:
+    """An image as PNG.
 
     Parameters
     ----------
@@ -124,23 +124,35 @@ def write_png(path: str | Path, array: np.ndarray) -> None:
     shaped = array.ndim == 2 or (array.ndim == 3 and array.shape[2] in (3, 4))
     if not shaped or array.dtype not in (np.uint8, np.uint16) or array.size == 0:
         raise ValueError(
-            "write_png expects (H, W) or (H, W, 1|3|4) of uint8 or uint16, found "
+            "png_of expects (H, W) or (H, W, 1|3|4) of uint8 or uint16, found "
             f"{array.shape} of {array.dtype}; write np.round(255 * x).astype(np.uint8), x in [0, 1]"
         )
     _, data = cv2.imencode(".png", array if array.ndim == 2 else _swap_red_and_blue(array))
-    with replacing(path) as temporary:
-        temporary.write_bytes(data.tobytes())
+    return data.tobytes()
 
 
-def write_jpeg(path: str | Path, array: np.ndarray) -> None:
-    """Write an image (H, W, 3) uint8, channels R, G, B, as a good JPEG, whole or not at all."""
+def jpeg_of(array: np.ndarray) -> bytes:
+    """An image (H, W, 3) uint8, channels R, G, B, as a good JPEG."""
     how = [
         cv2.IMWRITE_JPEG_QUALITY, 95,
         cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444,
     ]  # fmt: skip
     _, data = cv2.imencode(".jpg", _swap_red_and_blue(array), how)
+    return data.tobytes()
+
+
+def write_png(path: str | Path, array: np.ndarray) -> None:
+    """Write a PNG of `png_of`'s array whole or not at all."""
+    data = png_of(array)
     with replacing(path) as temporary:
-        temporary.write_bytes(data.tobytes())
+        temporary.write_bytes(data)
+
+
+def write_jpeg(path: str | Path, array: np.ndarray) -> None:
+    """Write a JPEG of `jpeg_of`'s array whole or not at all."""
+    data = jpeg_of(array)
+    with replacing(path) as temporary:
+        temporary.write_bytes(data)
 
 
 def write_exr(path: str | Path, array: np.ndarray) -> None:

@@ -58,6 +58,14 @@ class Camera:
             (self.cx + 0.5) / times - 0.5, (self.cy + 0.5) / times - 0.5, self.R, self.t,
         )  # fmt: skip
 
+    def scaled(self, factor: float) -> Camera:
+        """The same view in an image of `factor` times as many columns and rows."""
+        return Camera(
+            max(round(self.width * factor), 1), max(round(self.height * factor), 1),
+            self.fx * factor, self.fy * factor,
+            (self.cx + 0.5) * factor - 0.5, (self.cy + 0.5) * factor - 0.5, self.R, self.t,
+        )  # fmt: skip
+
     def project(self, points: np.ndarray) -> np.ndarray:
         """World points (N, 3) to (N, 3): column and row (pixels), depth (world, > 0 in front)."""
         p = points @ self.R.T + self.t

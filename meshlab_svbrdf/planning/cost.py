@@ -19,6 +19,7 @@ SAMPLE_BYTES = 5
 OFFSET_BYTES = 4
 CHUNK_FRAMES = 256
 SAMPLES = "compute_svbrdf_samples"
+MATERIALS = "compute_svbrdf_materials"
 GLOSS = "compute_svbrdf_material_specular"
 
 MEASURED_YARDSTICK = 0.0065
@@ -71,6 +72,8 @@ class Rate:
     seconds: Mapping[str, float]
 
 
+BY_COLOR = Rate(0.0, {"texels": 4.0})
+"""Of MATERIALS where no highlights are compared."""
 UNFITTED = Rate(0.5, {"once": 0.5, "texels": 2.0, "samples": 0.05})
 """Of GLOSS where nothing is fitted."""
 PROGRAM_BYTES, MATERIAL_BYTES, TEXEL_BYTES, FITTED_BYTES = 250e6, 1620.0, 400.0, 60.0
@@ -87,7 +90,7 @@ RATES: dict[str, Rate] = {
     "compute_svbrdf_diffuse_color": Rate(0.9, {"once": 0.62, "samples": 0.143}),
     "compute_svbrdf_light_sources": Rate(0.0, {"once": 0.08}),
     "compute_svbrdf_texel_specular": Rate(0.9, {"once": 0.25, "samples": 0.083}),
-    "compute_svbrdf_materials": Rate(0.0, {"texels": 4.0}),
+    MATERIALS: Rate(0.3, {"once": 1.0, "texels": 13.0}),
     GLOSS: Rate(0.7, {"once": 9.2, "texels": 16.1, "fitted": 0.84, "samples": 0.5}),
 }
 """Least squares over runs of two films: `python benchmarks/fit_rates.py` (docs/plan.md)."""
@@ -110,8 +113,8 @@ def stage_seconds(
     for name, rate in RATES.items():
         if filters is not None and name not in filters:
             continue
-        if name == GLOSS and (estimator == "paper" or gloss == "none"):
-            rate = UNFITTED
+        if estimator == "paper" or gloss == "none":
+            rate = {GLOSS: UNFITTED, MATERIALS: BY_COLOR}.get(name, rate)
         cpu = sum(per * amounts[what] for what, per in rate.seconds.items()) / speed
         if name == SAMPLES:
             cpu += work.frames * (work.decode + work.project)

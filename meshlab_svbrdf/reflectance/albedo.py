@@ -12,12 +12,11 @@ from __future__ import annotations
 import numpy as np
 
 from ..geometry.texels import Texels
-from ..geometry.visibility import Rays, directional_visibility, spread_directions
-from .lights import Light, tangents
+from ..geometry.visibility import Rays
+from .lamp_shadows import lamp_share
+from .lights import Light
 from .phong import lamps
 
-RAYS = 16
-"""To each lamp that has a size."""
 DARKEST = 0.03
 """Of what faces a lamp of gain 1, below which noise and stray light are divided by too little."""
 
@@ -44,22 +43,11 @@ def lamp_irradiance(
         cos = np.maximum(np.einsum("td,td->t", toward, normal), 0) / np.sqrt(length2)
         lit = np.flatnonzero(cos > 0)
         compact = (bulbs.light == bulbs.light[k]).sum() == 1
-        places = _disk(direction, np.radians(lamp_radius)) if compact and lamp_radius else direction
-        seen = np.zeros(len(lit))
-        for place in np.atleast_2d(places):
-            where = None if curvature == 0 else place / curvature + texels.center
-            lamp = [(place / np.linalg.norm(place), where)]
-            points = position[lit] + texels.center
-            seen += directional_visibility(rays, points, normal[lit], lamp)[:, 0]
-        total[lit] += gain * cos[lit] / length2[lit] * seen / len(np.atleast_2d(places))
+        size = np.radians(lamp_radius) if compact else 0.0
+        points = position[lit] + texels.center
+        seen = lamp_share(rays, points, normal[lit], direction, curvature, size)
+        total[lit] += gain * cos[lit] / length2[lit] * seen
     return total
-
-
-def _disk(direction: np.ndarray, radius: float) -> np.ndarray:
-    """Points spread evenly over a disk that faces the centre, (RAYS, 3), at the unit distance."""
-    turn = np.arctan2(*spread_directions(RAYS)[:, 1::-1].T)
-    away = np.sqrt((np.arange(RAYS) + 0.5) / RAYS) * np.tan(radius)
-    return direction + (away * [np.cos(turn), np.sin(turn)]).T @ tangents(direction)
 
 
 def divide_light(

@@ -29,6 +29,17 @@ SPECKS = 100
 SMOOTHING_ROUNDS = 2
 SETTLING_ROUNDS = 3
 
+# Pixels mix the colours on both sides of a border, over about two of them: a piece so thin, whose
+# colour lies between its neighbours', is no material.
+STRIP = 3.0
+OFF_THE_LINE = 0.25
+"""Of the neighbours' distance, how far off the line between them a mixture may lie."""
+BETWEEN = 0.15
+"""And how near to its ends."""
+BOTH_SIDES = 0.2
+"""Of its contacts with one neighbour, those that a strip has with the other at least."""
+STRIP_ROUNDS = 2
+
 # Below this L* the cube root of CIE Lab is a straight line, and chroma there is mostly noise.
 DARKEST = 8.0
 MIDDLE = 50.0
@@ -68,6 +79,7 @@ def segment(
     lightness_weight: float = LIGHTNESS_WEIGHT,
     minimum_share: float = MINIMUM_SHARE,
     join: bool = True,
+    strip: float = STRIP,
 ) -> np.ndarray:
     """Label every observed texel with a material.
 
@@ -84,6 +96,8 @@ def segment(
         neighbours: too few texels to see a highlight on
     join : whether regions of like colour are one material wherever they lie; False gives one
         label per connected region
+    strip : half the width, in texels, of the strips where a pixel shows both sides of a border;
+        0 keeps them
 
     Returns
     -------
@@ -125,6 +139,8 @@ def segment(
     # Let texels at the borders go to the nearest colour
     for _ in range(SETTLING_ROUNDS):
         labels = regions.settle(colors, *adjacency, labels, _means(labels, colors)[0])
+    if join:
+        labels = _without_strips(diffuse, colors, adjacency, labels, strip, smallest)
     return _keep_largest(labels, 0)
 
 
@@ -155,6 +171,73 @@ def segment_surface(
         facing = np.einsum("ld,lkd->lk", normal[left], normal[near]) > 0
         labels[left] = labels[near[np.arange(len(left)), facing.argmax(1)]]
     return labels
+
+
+def _without_strips(
+    diffuse: np.ndarray, colors: np.ndarray, adjacency: tuple[np.ndarray, np.ndarray],
+    labels: np.ndarray, strip: float, smallest: float,
+) -> np.ndarray:  # fmt: skip
+    """Labels after mixtures along borders, specks, and what is small without them, are gone."""
+    for _ in range(STRIP_ROUNDS):
+        means, count = _means(labels, colors)
+        piece = regions.pieces(*adjacency, labels)
+        if piece.max(initial=-1) < 0:
+            break
+        sides = _mixtures(colors, adjacency, labels, piece, means, strip)
+        mixed = (piece >= 0) & (sides[piece, 0] >= 0)
+        size = np.bincount(piece[piece >= 0])
+        gone = (size < smallest / SPECKS) & (size < size.max())
+        labels = _unmixed(diffuse, labels, mixed, sides[piece])
+        labels = np.where(gone[piece] & (piece >= 0) & ~mixed, -1, labels).astype(np.int32)
+        few = np.bincount(labels[labels >= 0], minlength=len(means)) < smallest
+        few[count.argmax()] = False
+        labels = np.where(np.append(few, False)[labels], -1, labels).astype(np.int32)
+        regions.fill(colors, *adjacency, labels, means)
+    island = np.isfinite(colors[:, 0]) & (labels < 0)
+    if island.any():
+        there = np.unique(labels[labels >= 0])
+        labels[island] = there[cKDTree(means[there]).query(colors[island])[1]]
+    return labels
+
+
+def _mixtures(colors, adjacency, labels, piece, means, strip) -> np.ndarray:
+    """The labels (P, 2) between whose colours a thin piece's lies; -1 where it is no such one."""
+    sides = np.full((piece.max() + 1, 2), -1)
+    if strip <= 0:
+        return sides
+    inside, (indptr, indices) = piece >= 0, adjacency
+    deepest = np.zeros(len(sides), int)
+    np.maximum.at(deepest, piece[inside], regions.depths(indptr, indices, labels)[inside])
+    thin_ones = np.flatnonzero((deepest > 0) & (deepest <= strip))
+    if not len(thin_ones):
+        return sides
+    counts = np.zeros((len(sides), len(means)), np.int64)
+    regions.contacts(indptr, indices, labels, piece, counts)
+    own, _ = _means(piece, colors)
+    for p in thin_ones:
+        b, a = np.argsort(counts[p], kind="stable")[-2:]
+        if counts[p, b] < max(BOTH_SIDES * counts[p, a], 1):
+            continue
+        line = means[b] - means[a]
+        share = (own[p] - means[a]) @ line / (line @ line)
+        off = np.linalg.norm(own[p] - means[a] - share * line)
+        if BETWEEN < share < 1 - BETWEEN and off < OFF_THE_LINE * np.linalg.norm(line):
+            sides[p] = a, b
+    return sides
+
+
+def _unmixed(diffuse, labels, mixed, sides) -> np.ndarray:
+    """Labels after mixed texels (T,) bool went to the one of their sides (T, 2) that is more of
+    their colour: D = a A + b B in linear light, by least squares."""
+    mean, _ = _means(labels, np.nan_to_num(diffuse))
+    chosen = np.flatnonzero(mixed)
+    first, second = mean[sides[chosen, 0]], mean[sides[chosen, 1]]
+    aa, bb, ab = ((x * y).sum(1) for x, y in ((first, first), (second, second), (first, second)))
+    da, db = ((diffuse[chosen] * x).sum(1) for x in (first, second))
+    more = da * (bb + ab) > db * (aa + ab)  # a > b
+    unmixed = labels.copy()
+    unmixed[chosen] = np.where(more, sides[chosen, 0], sides[chosen, 1])
+    return unmixed
 
 
 def _means(labels: np.ndarray, colors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -134,6 +134,71 @@ def settle(colors, indptr, indices, labels, means):
 
 
 @nb.njit(cache=True, nogil=True)
+def pieces(indptr, indices, labels):
+    """Connected pieces of each label: (T,) int32 from 0, −1 where there is no label."""
+    piece = np.full(len(labels), -1, np.int32)
+    queue = np.empty(len(labels), np.int64)
+    count = 0
+    for start in range(len(labels)):
+        if labels[start] < 0 or piece[start] >= 0:
+            continue
+        piece[start] = count
+        queue[0] = start
+        first, last = 0, 1
+        while first < last:
+            i = queue[first]
+            first += 1
+            for e in range(indptr[i], indptr[i + 1]):
+                j = indices[e]
+                if piece[j] < 0 and labels[j] == labels[i]:
+                    piece[j] = count
+                    queue[last] = j
+                    last += 1
+        count += 1
+    return piece
+
+
+@nb.njit(cache=True, nogil=True)
+def depths(indptr, indices, labels):
+    """Steps to the border with another label: (T,) int32 from 1, 0 where there is no way to one."""
+    depth = np.zeros(len(labels), np.int32)
+    queue = np.empty(len(labels), np.int64)
+    last = 0
+    for i in range(len(labels)):
+        if labels[i] < 0:
+            continue
+        for e in range(indptr[i], indptr[i + 1]):
+            if labels[indices[e]] >= 0 and labels[indices[e]] != labels[i]:
+                depth[i] = 1
+                queue[last] = i
+                last += 1
+                break
+    first = 0
+    while first < last:
+        i = queue[first]
+        first += 1
+        for e in range(indptr[i], indptr[i + 1]):
+            j = indices[e]
+            if labels[j] == labels[i] and depth[j] == 0:
+                depth[j] = depth[i] + 1
+                queue[last] = j
+                last += 1
+    return depth
+
+
+@nb.njit(cache=True, nogil=True)
+def contacts(indptr, indices, labels, piece, counts):
+    """Add to counts (P, M) int64 how often each piece touches each other label."""
+    for i in range(len(labels)):
+        if labels[i] < 0:
+            continue
+        for e in range(indptr[i], indptr[i + 1]):
+            other = labels[indices[e]]
+            if other >= 0 and other != labels[i]:
+                counts[piece[i], other] += 1
+
+
+@nb.njit(cache=True, nogil=True)
 def _nearest_around(i, colors, indptr, indices, labels, means):
     best = labels[i]
     least = np.inf

@@ -11,13 +11,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numba import njit
 from scipy.sparse import bsr_array, csc_array
 from scipy.sparse.linalg import splu
 
 from ..geometry.camera import Camera
 from .keyframes import Keyframe
 from .match import Matches
-from .pose import OUTLIER, moved, pixel_motion, point_motion, twist_between
+from .outlines import NEIGHBOURS, Outline
+from .pose import OUTLIER, motion_cost, moved, twist_between
 from .surface import Surface
 
 ROUNDS = 15
@@ -43,31 +45,57 @@ class Adjusted:
     uncertainty: dict[int, float]
 
 
-def _linear(keyframe: Keyframe, matches: Matches, camera: Camera, free_focal: bool):
-    """Whitened residuals (n, 2) and their slopes by the frame's and the keyframe's twist (n, 2, 6),
-    and by the logarithm of the focal length (n, 2, 1 or 0)."""
-    points = keyframe.points[matches.feature]
-    local = points @ camera.R.T + camera.t
-    local = np.where(local[:, 2:] > 1e-9, local, [0, 0, 1e-9])
-    at = local[:, :2] / local[:, 2:] * [camera.fx, camera.fy]
-    W = matches.whitener
-    residual = np.einsum("nij,nj->ni", W, matches.found - at - [camera.cx, camera.cy])
-    pixel = W @ pixel_motion(local, camera)
-    own = pixel @ point_motion(local)
-    # The keyframe's motion moves the point within its tangent plane: −(1 − x qᵀ)(ω × x + v)
-    x = points @ keyframe.camera.R.T + keyframe.camera.t
-    plane = keyframe.planes[matches.feature]
-    slide = x[:, :, None] * plane[:, None, :] - np.eye(3)
-    turn = camera.R @ keyframe.camera.R.T
-    other = pixel @ (turn @ (slide @ point_motion(x)))
-    focal = np.zeros((len(points), 2, 0))
-    if free_focal:
-        # A longer focal length also makes the keyframe's rays narrower
-        narrow = -x * [1, 1, 0]
-        narrow = np.einsum("nij,nj->ni", -slide, narrow)
-        focal = np.einsum("nij,nj->ni", W, at) + np.einsum("nij,nj->ni", pixel, narrow @ turn.T)
-        focal = focal[..., None]
-    return residual, own, other, focal
+@njit(cache=True, nogil=True, error_model="numpy")
+def _slopes(points, planes, found, whitener, R, t, lens, other_R, other_t, residual, J):
+    """Fill residuals (n, 2) and their slopes (n, 2, 13); lens : fx, fy, cx, cy"""
+    turn = R @ other_R.T
+    x, local, slide = np.empty(3), np.empty(3), np.empty(3)
+    g, h = np.empty(3), np.empty(3)
+    for n in range(len(points)):
+        for k in range(3):
+            local[k], x[k] = t[k], other_t[k]
+            for c in range(3):
+                local[k] += R[k, c] * points[n, c]
+                x[k] += other_R[k, c] * points[n, c]
+        z = local[2]
+        if z <= 1e-9:
+            local[0], local[1], z = 0.0, 0.0, 1e-9
+        u, v = lens[0] * local[0] / z, lens[1] * local[1] / z
+        du, dv = found[n, 0] - u - lens[2], found[n, 1] - v - lens[3]
+        for row in range(2):
+            a, b = whitener[n, row, 0], whitener[n, row, 1]
+            residual[n, row] = a * du + b * dv
+            g[0], g[1] = a * lens[0] / z, b * lens[1] / z
+            g[2] = -(a * u + b * v) / z
+            # The keyframe's motion moves the point within its tangent plane: −(1 − x qᵀ)(ω × x + v)
+            along = 0.0
+            for k in range(3):
+                h[k] = g[0] * turn[0, k] + g[1] * turn[1, k] + g[2] * turn[2, k]
+                along += h[k] * x[k]
+            for k in range(3):
+                slide[k] = along * planes[n, k] - h[k]
+            for at, p, m in ((0, local, g), (6, x, slide)):
+                J[n, row, at] = m[2] * p[1] - m[1] * p[2]
+                J[n, row, at + 1] = m[0] * p[2] - m[2] * p[0]
+                J[n, row, at + 2] = m[1] * p[0] - m[0] * p[1]
+                for k in range(3):
+                    J[n, row, at + 3 + k] = m[k]
+            # A longer focal length also makes the keyframe's rays narrower
+            narrower = slide[0] * x[0] + slide[1] * x[1]
+            J[n, row, 12] = a * u + b * v + narrower
+
+
+def _linear(keyframe: Keyframe, matches: Matches, camera: Camera):
+    """Whitened residuals (n, 2) and their slopes (n, 2, 13): by the frame's twist, the keyframe's,
+    and the logarithm of the focal length."""
+    residual, J = np.empty((len(matches), 2)), np.empty((len(matches), 2, 13))
+    lens = np.array([camera.fx, camera.fy, camera.cx, camera.cy])
+    _slopes(
+        keyframe.points[matches.feature], keyframe.planes[matches.feature], matches.found,
+        matches.whitener, camera.R, camera.t, lens, keyframe.camera.R, keyframe.camera.t,
+        residual, J,
+    )  # fmt: skip
+    return residual, J
 
 
 def adjust(
@@ -78,6 +106,8 @@ def adjust(
     held: Mapping[int, Camera],
     hold: float,
     free_focal: bool = False,
+    outlines: Mapping[int, Outline] | None = None,
+    settled: bool = False,
 ) -> Adjusted:
     """Cameras, and keyframes with them, that explain all matches best, outliers aside.
 
@@ -92,11 +122,16 @@ def adjust(
         printed on a plane may slide along it, and all faces of a box's corner may grow from it;
         then these cameras alone fix the whole
     hold : pixels, RMS, by which those may be wrong
+    outlines : of some frames, which tell where the surface ends, whatever is printed on it
+    settled : the cameras were adjusted before: no loop has come apart
     """
     cameras, keyframes = dict(cameras), list(keyframes)
     order = {frame: at for at, frame in enumerate(cameras)}
-    scale, width = 1.0, WIDEST
-    holds = {frame: _hold(camera, surface, hold) for frame, camera in held.items()}
+    scale, width = 1.0, OUTLIER if settled else WIDEST
+    holds = {
+        frame: motion_cost(camera, surface.visible_points(camera), hold)
+        for frame, camera in held.items()
+    }
     ties = {frame: [_thinned(each) for each in found] for frame, found in matches.items()}
     for turn in range(ROUNDS):
         system = _System(len(order), free_focal)
@@ -106,13 +141,18 @@ def adjust(
                 keyframe = keyframes[each.keyframe]
                 if frame == keyframe.index or len(each) == 0:
                     continue
-                r, own, other, focal = _linear(keyframe, each, cameras[frame], free_focal)
+                r, J = _linear(keyframe, each, cameras[frame])
                 deviation = np.linalg.norm(r, axis=1)
                 deviations.append(deviation)
                 weight = 1 / (1 + (deviation / width) ** 2) ** 2
-                system.add(order[frame], order[keyframe.index], r, own, other, focal, weight)
+                pair = [order[frame], order[keyframe.index]]
+                system.add(pair, r, J[:, :, : 12 + free_focal], weight)
         if not deviations:
             break
+        for frame, lines in (outlines or {}).items():
+            r, J = lines.linear(cameras[frame], free_focal)
+            weight = 1 / (1 + (np.linalg.norm(r, axis=1) / OUTLIER) ** 2) ** 2 / NEIGHBOURS
+            system.add([order[frame]], r, J, weight)
         for frame, camera in held.items():
             system.hold(order[frame], twist_between(camera, cameras[frame]), holds[frame])
         scale = max(float(np.median(np.concatenate(deviations))) / 1.18, 1.0)
@@ -131,13 +171,6 @@ def adjust(
     return _judged(cameras, keyframes, matches, order, scale)
 
 
-def _hold(camera: Camera, surface: Surface, pixels: float) -> np.ndarray:
-    """What moving a known camera costs, (6, 6): 1 where the object moves by so many pixels, RMS."""
-    points = surface.visible_points(camera) @ camera.R.T + camera.t
-    J = pixel_motion(points, camera) @ point_motion(points)
-    return np.einsum("nij,nik->jk", J, J) / (len(points) * pixels**2)
-
-
 def _thinned(matches: Matches) -> Matches:
     """Every so many, and no more than are needed."""
     return matches[np.arange(0, len(matches), max(-(-len(matches) // TIES), 1))]
@@ -149,7 +182,8 @@ def _judged(cameras, keyframes, matches, order, scale) -> Adjusted:
     for frame, found in matches.items():
         errors, A, spread = [], np.zeros((6, 6)), []
         for each in found:
-            r, own, _, _ = _linear(keyframes[each.keyframe], each, cameras[frame], False)
+            r, J = _linear(keyframes[each.keyframe], each, cameras[frame])
+            own = J[:, :, :6]
             good = np.linalg.norm(r, axis=1) < OUTLIER * scale
             A += np.einsum("nij,nik->jk", own[good], own[good])
             inverse = np.linalg.inv(each.whitener[good])
@@ -180,20 +214,23 @@ class _System:
         self.pixels = np.zeros((count, 6, 6))
         self.seen = np.zeros(count)
 
-    def add(self, i, j, r, own, other, focal, weight) -> None:
-        J = np.concatenate([own, other, focal], 2).reshape(2 * len(r), -1)
+    def add(self, tied, r, J, weight) -> None:
+        """Residuals (n, 2) of the first of one or two cameras, and their slopes (n, 2, m) by the
+        twist of each, and by the logarithm of the focal length where that is free."""
+        J = J.reshape(2 * len(r), -1)
         weighted = J * np.repeat(weight, 2)[:, None]
         A, b = weighted.T @ J, weighted.T @ r.ravel()
-        for a, at in ((i, 0), (j, 6)):
+        end = 6 * len(tied)
+        for a, at in zip(tied, range(0, end, 6), strict=True):
             self.right[a] += b[at : at + 6]
-            self.border[a] += A[at : at + 6, 12:]
-            for c, to in ((i, 0), (j, 6)):
+            self.border[a] += A[at : at + 6, end:]
+            for c, to in zip(tied, range(0, end, 6), strict=True):
                 block = self.blocks.setdefault((a, c), np.zeros((6, 6)))
                 block += A[at : at + 6, to : to + 6]
-        self.corner += A[12:, 12:]
-        self.right_focal += b[12:]
-        self.pixels[i] += A[:6, :6]
-        self.seen[i] += len(r)
+        self.corner += A[end:, end:]
+        self.right_focal += b[end:]
+        self.pixels[tied[0]] += A[:6, :6]
+        self.seen[tied[0]] += len(r)
 
     def hold(self, i: int, gone: np.ndarray, cost: np.ndarray) -> None:
         """Draw camera `i`, which has gone by a twist, back at a cost (6, 6)."""

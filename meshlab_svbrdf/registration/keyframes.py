@@ -27,7 +27,7 @@ class Keyframe:
     """A frame, its camera (in the scaled world) and its features.
 
     index : of the frame
-    image : (h, w) uint8, the view's crop
+    image : (h, w) uint8, whole
     pixels : (n, 2) in the whole image; planes : (n, 3), q in camera coordinates with q · point = 1
     points : (n, 3) in the scaled world; normals : (n, 3) unit
     """
@@ -51,7 +51,9 @@ class Keyframe:
             np.where(ok[:, None], new, old)
             for new, old in zip(found, (self.planes, self.points, self.normals), strict=True)
         )
-        return replace(self, camera=camera, planes=planes, points=points, normals=normals)
+        return replace(
+            self, camera=camera, view=view, planes=planes, points=points, normals=normals
+        )
 
     def slid(self, camera: Camera) -> Keyframe:
         """The same where the camera moved so little that the tangent planes are the surface."""
@@ -102,7 +104,7 @@ def make_keyframe(
     if ok.sum() < FEWEST:
         return None
     return Keyframe(
-        index, camera, view, crop, pixels[ok], planes[ok], points[ok], normals[ok]
+        index, camera, view, image, pixels[ok], planes[ok], points[ok], normals[ok]
     )  # fmt: skip
 
 

@@ -72,7 +72,8 @@ def match(keyframe: Keyframe, position: int, frame: Target) -> Matches:
     position : of the keyframe in its list
     """
     view, crop = frame.view, frame.crop
-    carried, valid = warp(keyframe.image, keyframe.view, view, OCCLUSION)
+    picture = np.ascontiguousarray(keyframe.view.crop(keyframe.image))
+    carried, valid = warp(picture, keyframe.view, view, OCCLUSION)
     feature, expected = _expected(keyframe, view, valid)
     if len(feature) == 0:
         return Matches(position, feature, expected, np.zeros((0, 2, 2)))

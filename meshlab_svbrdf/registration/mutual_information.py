@@ -9,14 +9,12 @@ is taken as normally distributed, so that the information has a closed form with
 
     2 I = log |C| − share_on log |C_on| − share_off log |C_off|
 
-C : covariance of the colours; C_on, C_off : of what is unexplained on and beside the object. Near
-the goal both are taken as one, C_on = C_off: a pixel on the silhouette holds both colours, and must
-not belong to either before it is half the other's.
+C : covariance of the colours; C_on, C_off : of what is unexplained on and beside the object.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -30,19 +28,26 @@ from .surface import Surface
 RAYS = 128  # per vertex, over the sphere
 OFF_SURFACE = 1e-3  # radii
 CODE_NOISE = 6.0  # codes of 255 that nothing explains
+CREASE = 0.7  # cosine between a vertex's and a face's normal below which the latter counts
 FEWEST = 50  # pixels of object, below which nothing is told
 
 
 def face_predictors(surface: Surface) -> np.ndarray:
     """What each face's colour depends on, (F, 13) float64: harmonics of the normal up to the second
     band, ambient occlusion, and its products with the normal."""
-    normals = surface.mesh.vertex_normals()
-    n = normals[surface.faces].sum(1)
-    n /= np.linalg.norm(n, axis=1, keepdims=True).clip(1e-300)
+    a, b, c = (surface.vertices[surface.faces[:, k]] for k in range(3))
+    own = _unit(np.cross(b - a, c - a))
+    # At a sharp edge a vertex has no normal
+    n = surface.mesh.vertex_normals()[surface.faces]
+    n = _unit(np.where((n * own[:, None]).sum(2, keepdims=True) > CREASE, n, own[:, None]).sum(1))
     ambient = ambient_occlusion(surface)[surface.faces].mean(1)
     x, y, z = n.T
     columns = [1 + 0 * x, x, y, z, x * y, y * z, z * x, x * x - y * y, 3 * z * z - 1]
     return np.column_stack([*columns, ambient, ambient * x, ambient * y, ambient * z])
+
+
+def _unit(vectors: np.ndarray) -> np.ndarray:
+    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True).clip(1e-300)
 
 
 def ambient_occlusion(surface: Surface) -> np.ndarray:
@@ -58,31 +63,73 @@ def ambient_occlusion(surface: Surface) -> np.ndarray:
     return free / np.maximum(total, 1e-12)
 
 
+@dataclass(frozen=True)
+class Shape:
+    """A surface as it is rendered to be compared.
+
+    vertices : (V, 3); faces : (F, 3) int32; predictors : see `face_predictors`
+    """
+
+    vertices: np.ndarray
+    faces: np.ndarray
+    predictors: np.ndarray
+
+
+def simplified(shape: Shape, cell: float) -> Shape:
+    """Vertices within cells of so many radii become one: what small pictures can show."""
+    key = np.floor(shape.vertices / cell).astype(np.int64)
+    _, same, count = np.unique(key, axis=0, return_inverse=True, return_counts=True)
+    same = same.ravel()
+    sums = np.zeros((len(count), 3))
+    np.add.at(sums, same, shape.vertices)
+    faces = same[shape.faces].astype(np.int32)
+    a, b, c = faces.T
+    kept = (a != b) & (b != c) & (c != a)
+    if 2 * kept.sum() > len(kept):
+        return shape
+    return Shape(sums / count[:, None], faces[kept], shape.predictors[kept])
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
-def _accumulate(face, image, predictors, sums, beside):
+def _accumulate(face, image, predictors, seen, sums, beside):
     """Products of predictors and colours on the object to `sums` (n + 3, n + 3), upper triangle;
-    products of 1 and colours beside it to `beside` (4, 4)."""
+    products of 1 and colours beside it to `beside` (4, 4). seen : (F, 4) of zeros, for use."""
     n = predictors.shape[1]
     height, width = face.shape
-    value = np.empty(n + 3)
     for row in range(height):
         for col in range(width):
             f = face[row, col]
+            r, g, b = image[row, col, 0], image[row, col, 1], image[row, col, 2]
             if f < 0:
-                value[0] = 1.0
-                for c in range(3):
-                    value[1 + c] = image[row, col, c]
-                for a in range(4):
-                    for b in range(a, 4):
-                        beside[a, b] += value[a] * value[b]
-                continue
+                beside[0, 0] += 1
+                beside[0, 1] += r
+                beside[0, 2] += g
+                beside[0, 3] += b
+                beside[1, 1] += r * r
+                beside[1, 2] += r * g
+                beside[1, 3] += r * b
+                beside[2, 2] += g * g
+                beside[2, 3] += g * b
+                beside[3, 3] += b * b
+            else:
+                seen[f, 0] += 1
+                seen[f, 1] += r
+                seen[f, 2] += g
+                seen[f, 3] += b
+                sums[n, n] += r * r
+                sums[n, n + 1] += r * g
+                sums[n, n + 2] += r * b
+                sums[n + 1, n + 1] += g * g
+                sums[n + 1, n + 2] += g * b
+                sums[n + 2, n + 2] += b * b
+    for f in range(len(predictors)):
+        if seen[f, 0] > 0:
             for a in range(n):
-                value[a] = predictors[f, a]
-            for c in range(3):
-                value[n + c] = image[row, col, c]
-            for a in range(n + 3):
-                for b in range(a, n + 3):
-                    sums[a, b] += value[a] * value[b]
+                value = predictors[f, a]
+                for c in range(a, n):
+                    sums[a, c] += seen[f, 0] * value * predictors[f, c]
+                for c in range(3):
+                    sums[a, n + c] += value * seen[f, 1 + c]
 
 
 class Comparison:
@@ -90,19 +137,15 @@ class Comparison:
 
     Parameters
     ----------
-    predictors : see `face_predictors`
     image : (h, w, 3) uint8; camera : of whole frames, in the scaled world
     times : by which the frame is reduced
     window : left, top, right, bottom of the part of the whole frame that is compared
-    alike : what is unexplained on and beside the object is taken as one
     """
 
     def __init__(
-        self, surface: Surface, predictors: np.ndarray, image: np.ndarray, times: int,
-        window: tuple[int, int, int, int], alike: bool,
-    ) -> None:  # fmt: skip
-        self.surface, self.predictors, self.times = surface, predictors, times
-        self.alike = alike
+        self, shape: Shape, image: np.ndarray, times: int, window: tuple[int, int, int, int]
+    ) -> None:
+        self.shape, self.times = shape, times
         left, top, right, bottom = window
         self.left, self.top = left, top
         self.size = max((right - left) // times, 1), max((bottom - top) // times, 1)
@@ -111,23 +154,22 @@ class Comparison:
         pixels = self.image.reshape(-1, 3).astype(float)
         self.entropy = _log_spread(np.atleast_2d(np.cov(pixels.T, bias=True)))
 
-    def camera(self, camera: Camera) -> Camera:
-        """A whole frame's camera as that of this picture."""
-        width, height = self.size
-        cropped = camera.cropped(
-            self.left, self.top, self.left + self.times * width, self.top + self.times * height
-        )
-        return replace(cropped.reduced(self.times), width=width, height=height)
-
-    def faces(self, camera: Camera) -> np.ndarray:
-        """The face that a whole frame's camera sees at each pixel of this picture, −1 for none."""
-        return rasterise(self.surface.vertices, self.surface.faces, self.camera(camera))[1]
+    def faces(self, camera: Camera, beyond: int = 0) -> np.ndarray:
+        """The face that a whole frame's camera sees at each pixel of this picture, −1 for none, and
+        at so many pixels beyond each side."""
+        width, height = (n + 2 * beyond for n in self.size)
+        left, top = (at - beyond * self.times for at in (self.left, self.top))
+        cropped = camera.cropped(left, top, left + self.times * width, top + self.times * height)
+        own = replace(cropped.reduced(self.times), width=width, height=height)
+        return rasterise(self.shape.vertices, self.shape.faces, own)[1]
 
     def information(self, face: np.ndarray) -> float:
         """In nats per pixel, of this picture and the faces (h, w) seen."""
-        n = self.predictors.shape[1]
+        predictors = self.shape.predictors
+        n = predictors.shape[1]
         sums, beside = np.zeros((n + 3, n + 3)), np.zeros((4, 4))
-        _accumulate(face, self.image, self.predictors, sums, beside)
+        seen = np.zeros((len(predictors), 4))
+        _accumulate(face, self.image, predictors, seen, sums, beside)
         on, off = sums[0, 0], beside[0, 0]
         if on < FEWEST:
             return 0.0
@@ -137,20 +179,16 @@ class Comparison:
         share = on / (on + off)
         total, around = beside[0, 1:] / max(off, 1), beside[1:, 1:] / max(off, 1)
         around = np.triu(around) + np.triu(around, 1).T - np.outer(total, total)
-        if self.alike:
-            left = _log_spread(share * unexplained + (1 - share) * around)
-        else:
-            left = share * _log_spread(unexplained) + (1 - share) * _log_spread(around)
+        left = share * _log_spread(unexplained) + (1 - share) * _log_spread(around)
         return (self.entropy - left) / 2
 
     def shifted(self, face: np.ndarray, columns: int, rows: int) -> float:
-        """As `information`, of the faces moved to the right and down by so many pixels."""
-        moved = np.full_like(face, -1)
-        h, w = face.shape
-        to = np.s_[max(rows, 0) : h + min(rows, 0), max(columns, 0) : w + min(columns, 0)]
-        of = np.s_[max(-rows, 0) : h + min(-rows, 0), max(-columns, 0) : w + min(-columns, 0)]
-        moved[to] = face[of]
-        return self.information(moved)
+        """As `information`, of faces seen beyond each side too, which are moved to the right and
+        down by so many pixels."""
+        width, height = self.size
+        top, left = (face.shape[0] - height) // 2 - rows, (face.shape[1] - width) // 2 - columns
+        moved = face[top : top + height, left : left + width]
+        return self.information(np.ascontiguousarray(moved))
 
 
 def _log_spread(covariance: np.ndarray) -> float:

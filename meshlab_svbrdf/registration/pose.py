@@ -59,6 +59,13 @@ def pixel_motion(points: np.ndarray, camera: Camera) -> np.ndarray:
     return np.moveaxis(np.array(rows), 2, 0)
 
 
+def motion_cost(camera: Camera, points: np.ndarray, pixels: float) -> np.ndarray:
+    """What a twist of a camera costs, (6, 6): 1 where points (n, 3) move by so many pixels, RMS."""
+    local = points @ camera.R.T + camera.t
+    J = pixel_motion(local, camera) @ point_motion(local)
+    return np.einsum("nij,nik->jk", J, J) / (max(len(J), 1) * pixels**2)
+
+
 @dataclass(frozen=True)
 class Fit:
     """A camera fitted to points.

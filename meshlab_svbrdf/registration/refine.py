@@ -1,6 +1,7 @@
 """Cameras that are nearly right, made right against the geometry.
 
 refine_camera    one camera, by mutual information with a rendering of the geometry
+settle_camera    one camera that is off by some pixels only, by the geometry's lines
 refine_cameras   all cameras of a sequence, from elsewhere
 """
 
@@ -12,15 +13,17 @@ import numpy as np
 
 from ..geometry.camera import Camera
 from ..progress import Progress
+from .contrast import to_grey
+from .overlay import feature_edges
 from .results import FrameSource, Options, Registration
-from .search import InformationSearch, Refined
+from .search import AGREED, InformationSearch, Refined, settle
 from .surface import Surface
 from .track import finish
 from .tracker import Tracker
 
 GIVEN_ERROR = 2.0  # pixels by which each of the cameras from elsewhere is expected to be wrong
 
-__all__ = ["Refined", "refine_camera", "refine_cameras"]
+__all__ = ["Refined", "refine_camera", "refine_cameras", "settle_camera"]
 
 
 def refine_camera(
@@ -41,6 +44,23 @@ def refine_camera(
     """
     surface = Surface(vertices, faces)
     return InformationSearch(surface).refine(image, camera, free_focal)
+
+
+def settle_camera(
+    vertices: np.ndarray,
+    faces: np.ndarray,
+    image: np.ndarray,
+    camera: Camera,
+    free_focal: bool = False,
+) -> Refined:
+    """One camera by the geometry's own lines; its score is the share of them that the frame has.
+
+    camera : off by some pixels, as from picked points; for the others see `refine_camera`
+    """
+    surface = Surface(vertices, faces)
+    edges = feature_edges(surface.vertices, surface.faces)
+    found, share = settle(to_grey(image), surface.inner(camera), surface, edges, free_focal)
+    return Refined(surface.outer(found), share, share > AGREED)
 
 
 def refine_cameras(

@@ -43,7 +43,7 @@ class Options:
     """
 
     ordered: bool = True
-    pixels: int = 800_000
+    pixels: int = 1_000_000
     features: int = 300
     keyframe_angle: float = 10.0
     start_error: float = 0.05

@@ -11,16 +11,26 @@ from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
 from ..geometry.camera import Camera
-from .mutual_information import Comparison, face_predictors
+from .contrast import to_grey
+from .mutual_information import Comparison, Shape, face_predictors, simplified
+from .outlines import fit_outline
+from .overlay import Edges, feature_edges
 from .surface import Surface
 
-SIZES = (60, 120, 240)  # pixels that the object's radius has at each step, from coarse to fine
+SIZES = (30, 60, 120)  # pixels of the object's radius: where it is looked for, and each step
+FINE = 240  # the same, where lines are looked for
 REACH = 0.09  # radians, or share of the distance, by which a start may be off
-TRIALS = 600  # cameras that are looked at before the search
-KEPT = (20, 6, 2)  # of them, that each step improves
-AGREE = 0.015  # of the object's radius in the frame, within which two searches end alike
-NEAREST = 1.5  # pixels; the same, where the object is small
-AHEAD = 0.02  # nats a pixel, by which another place must be worse, and no object at all
+TURNS = 100  # views of the object that are laid over the frame wherever it may be
+APART = 2  # pixels between those places
+CELL = 2.0  # pixels, within which vertices become one
+PLACES = 3  # of each that are looked at again
+KEPT = (24, 8)  # of all, that each step improves
+AGREE = 0.02  # of the object's radius in the frame, within which two places are one
+NEAREST = 3.0  # pixels; the same, where the object is small
+AHEAD = 0.02  # nats a pixel, by which there must be more than without an object
+HOLD = 3.0  # pixels at FINE, by which the last step's cameras may be wrong
+AGREED = 0.45  # share of the geometry's lines that the frame must have, or it may be elsewhere
+APART_BY = 0.1  # by which the share of another place must be less
 
 
 class Refined(NamedTuple):
@@ -62,12 +72,35 @@ class _Motions:
         return replace(c, R=turned, t=t, fx=c.fx * longer, fy=c.fy * longer)
 
 
+def settle(
+    image: np.ndarray, camera: Camera, surface: Surface, edges: Edges, free_focal: bool = False
+) -> tuple[Camera, float]:
+    """A camera that is right but for a few pixels, moved to where the geometry's lines are the
+    frame's, and the share of them that are; in the scaled world.
+
+    image : (h, w) uint8
+    """
+    share = 0.0
+    rim = camera.fx / max(camera.t[2], 1e-9)
+    for times in sorted({max(round(rim / FINE), 1), 1}, reverse=True):
+        h, w = (n // times for n in image.shape)
+        small = cv2.resize(image[: h * times, : w * times], (w, h), interpolation=cv2.INTER_AREA)
+        inner = replace(camera.reduced(times), width=w, height=h)
+        inner, share = fit_outline(small, inner, surface, edges, HOLD, free_focal)
+        camera = replace(
+            camera, R=inner.R, t=inner.t, fx=inner.fx * times, fy=inner.fy * times
+        )  # fmt: skip
+    return camera, share
+
+
 class InformationSearch:
     """`refine_camera` for many frames of one surface; cameras in the world."""
 
     def __init__(self, surface: Surface) -> None:
         self.surface = surface
-        self.predictors = face_predictors(surface)
+        whole = Shape(surface.vertices, surface.faces, face_predictors(surface))
+        self.shapes = [simplified(whole, CELL / size) for size in SIZES]
+        self.edges = feature_edges(surface.vertices, surface.faces)
 
     def refine(self, image: np.ndarray, camera: Camera, free_focal: bool = False) -> Refined:
         """See `refine_camera`."""
@@ -80,29 +113,27 @@ class InformationSearch:
         start = self.surface.inner(camera)
         rim = start.fx / max(start.t[2], 1e-9)
         window = self._window(start)
-        steps = [
-            Comparison(
-                self.surface, self.predictors, image, max(round(rim / size), 1), window,
-                alike=size == SIZES[-1],
-            )
-            for size in SIZES
-        ]  # fmt: skip
+        wide, *steps = [
+            Comparison(shape, image, max(round(rim / size), 1), window)
+            for shape, size in zip(self.shapes, SIZES, strict=True)
+        ]
         # From coarse to fine, with fewer and fewer of those that may be it
-        found, rivals = _spread(_shifted(steps[0], start), steps[0]), []
+        found = _best(_spread(start, wide), steps[0])
         for step, kept in zip(steps, KEPT, strict=True):
             radius = REACH * rim / 4 if step is steps[0] else 4.0 * step.times
             climbed = [self._climb(step, each, radius, free_focal) for each in found[:kept]]
-            told = [(step.information(step.faces(camera)), camera) for camera in climbed]
-            told.sort(key=lambda pair: -pair[0])
-            found = [camera for _, camera in told]
-            if step is not steps[-1]:
-                rivals = told
-        score = steps[-1].information(steps[-1].faces(found[0]))
+            found = _best(climbed, step)
         near = max(AGREE * rim, NEAREST)
-        converged = score > AHEAD and _clear(
-            found[0], rivals, self.surface.visible_points(found[0]), near
-        )
-        return Refined(self.surface.outer(found[0]), score, converged)
+        places = _apart(found, self.surface.visible_points(found[0]), near)
+        grey = to_grey(image)
+        settled = [settle(grey, each, self.surface, self.edges, free_focal) for each in places]
+        settled.sort(key=lambda pair: -pair[1])
+        best, share = settled[0]
+        score = steps[-1].information(steps[-1].faces(best))
+        others = [each for each in settled if _miss(each[0], best, self.surface) > near]
+        second = max((share for _, share in others), default=0.0)
+        converged = score > AHEAD and share > max(AGREED, second + APART_BY)
+        return Refined(self.surface.outer(best), score, converged)
 
     def _climb(self, step: Comparison, camera: Camera, radius: float, free_focal: bool) -> Camera:
         """The camera of most information nearby (COBYQA: Ragonneau 2022, which needs no slopes)."""
@@ -130,41 +161,56 @@ class InformationSearch:
         )  # fmt: skip
 
 
-def _clear(
-    best: Camera, rivals: list[tuple[float, Camera]], points: np.ndarray, near: float
-) -> bool:
-    """Whether the last but one step has led to the same camera, from elsewhere too or far ahead.
+def _miss(a: Camera, b: Camera, surface: Surface) -> float:
+    """Pixels, RMS, between where two cameras see the object."""
+    points = surface.visible_points(b)
+    return float(np.sqrt(((a.project(points) - b.project(points))[:, :2] ** 2).sum(1).mean()))
 
-    rivals : what that step has found, information and camera, best first
-    points : (n, 3) of the object; near : pixels, RMS, that are the same place
-    """
-    here = best.project(points)[:, :2]
-    miss = [np.sqrt(((c.project(points)[:, :2] - here) ** 2).sum(1).mean()) for _, c in rivals]
-    same = np.array(miss) < near
-    told = np.array([information for information, _ in rivals])
-    if not same[0]:
-        return False
-    return bool(same.sum() >= 2 or told[0] - told[~same].max(initial=-np.inf) > AHEAD)
+
+def _apart(cameras: list[Camera], points: np.ndarray, near: float) -> list[Camera]:
+    """Those that see points (n, 3) at other places than all before them, pixels RMS."""
+    kept: list[np.ndarray] = []
+    found = []
+    for camera in cameras:
+        at = camera.project(points)[:, :2]
+        if all(np.sqrt(((at - other) ** 2).sum(1).mean()) > near for other in kept):
+            kept.append(at)
+            found.append(camera)
+    return found
 
 
 def _spread(camera: Camera, step: Comparison) -> list[Camera]:
-    """Cameras within reach of one, turned about the object and nearer or farther; best first."""
+    """Cameras within reach of one: turned about the object, nearer or farther, and moved to where
+    the object fits the frame best."""
     rng = np.random.default_rng(1)
-    cameras = [camera]
-    for _ in range(TRIALS):
+    found = []
+    for nth in range(TURNS):
         turn = rng.normal(size=3)
         turn *= REACH * rng.uniform() ** (1 / 3) / np.linalg.norm(turn)
         farther = 1 + REACH * rng.uniform(-0.7, 0.7)
-        R = Rotation.from_rotvec(turn).as_matrix() @ camera.R
-        cameras.append(replace(camera, R=R, t=camera.t * [1, 1, farther]))
-    return sorted(cameras, key=lambda c: -step.information(step.faces(c)))
+        if nth:
+            R = Rotation.from_rotvec(turn).as_matrix() @ camera.R
+            turned = replace(camera, R=R, t=camera.t * [1, 1, farther])
+        else:
+            turned = camera
+        found.append(turned)
+        found += _shifted(step, turned)
+    return found
 
 
-def _shifted(step: Comparison, camera: Camera) -> Camera:
-    """The camera turned so that the object lies where, in the plane, it fits best."""
-    face = step.faces(camera)
+def _shifted(step: Comparison, camera: Camera) -> list[Camera]:
+    """The camera moved so that the object lies where, in the plane, it fits best; the best few."""
     reach = int(np.ceil(REACH * camera.fx / step.times))
-    shifts = [(c, r) for c in range(-reach, reach + 1) for r in range(-reach, reach + 1)]
-    best = max(shifts, key=lambda s: step.shifted(face, *s))
-    move = np.array([best[0] / camera.fx, best[1] / camera.fy]) * step.times * camera.t[2]
-    return replace(camera, t=camera.t + np.append(move, 0))
+    face = step.faces(camera, reach)
+    span = np.arange(-reach, reach + 1, APART)
+    told = np.array([[step.shifted(face, int(c), int(r)) for c in span] for r in span])
+    peak = told == cv2.dilate(told, np.ones((3, 3)))
+    row, col = np.nonzero(peak)
+    best = np.argsort(-told[row, col])[:PLACES]
+    moves = np.column_stack([span[col[best]] / camera.fx, span[row[best]] / camera.fy])
+    moves *= step.times * camera.t[2]
+    return [replace(camera, t=camera.t + np.append(move, 0)) for move in moves]
+
+
+def _best(cameras: list[Camera], step: Comparison) -> list[Camera]:
+    return sorted(cameras, key=lambda c: -step.information(step.faces(c)))

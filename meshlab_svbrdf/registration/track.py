@@ -19,6 +19,8 @@ from .sequence import register_in_order
 from .stills import register_by_likeness
 from .tracker import Tracker
 
+ADJUSTMENTS = 2  # after the first, outlines are looked for where the cameras have come to be
+
 
 def register_frames(
     vertices: np.ndarray,
@@ -58,12 +60,16 @@ def finish(
     held : cameras that are known but for an error of so many pixels, in the tracker's world
     """
     if tracker.options.adjust:
-        progress(0.0, "adjusting all cameras")
-        tracker.take(
-            adjust(
-                tracker.cameras, tracker.keyframes, tracker.matches, tracker.surface,
-                held, error / tracker.times, tracker.options.free_focal,
-            )
-        )  # fmt: skip
+        for turn in range(ADJUSTMENTS):
+            progress(turn / ADJUSTMENTS, "adjusting all cameras")
+            tracker.take(
+                adjust(
+                    tracker.cameras, tracker.keyframes, tracker.matches, tracker.surface, held,
+                    error / tracker.times, tracker.options.free_focal, tracker.outlines(),
+                    settled=turn > 0,
+                )
+            )  # fmt: skip
+            if turn == 0:
+                tracker.retry()
     progress(1.0, "registered")
     return tracker.result()

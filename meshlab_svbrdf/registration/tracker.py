@@ -17,10 +17,14 @@ from .contrast import blur_effect, to_grey
 from .keyframes import Keyframe, make_keyframe
 from .locate import Located, locate
 from .match import Matches
+from .outlines import Outline, outline
+from .overlay import feature_edges
 from .pose import moved, twist_between
 from .results import FrameResult, FrameSource, Options, Registration
 from .surface import Surface
 from .wide import NOTHING, Signature, describe
+
+SURE = 0.5  # confidence from which on a frame may be a keyframe, and is not tried again
 
 
 class Tracker:
@@ -37,6 +41,7 @@ class Tracker:
         if not start:
             raise ValueError("start: expected at least one camera, index of its frame → camera")
         self.surface = Surface(vertices, faces)
+        self.edges = feature_edges(self.surface.vertices, self.surface.faces)
         self.frames, self.options = frames, options
         self.whole = start[min(start)]
         self.times = int(np.ceil(np.sqrt(self.whole.width * self.whole.height / options.pixels)))
@@ -85,6 +90,40 @@ class Tracker:
         self._note(index, image, located)
         return located.camera
 
+    def retry(self) -> int:
+        """Register anew the frames that are not known, or hardly, from their neighbours' cameras as
+        they were adjusted; how many are known better."""
+        self.keyframes = [
+            k.with_camera(self.cameras[k.index], self.surface) for k in self.keyframes
+        ]
+        better = 0
+        for index in range(len(self.frames)):
+            before = self.located.get(index)
+            if index in self.start or (before is not None and before.confidence > SURE):
+                continue
+            guess = self.between(index) or self.cameras.get(index)
+            image = self.read(index) if guess is not None else None
+            if guess is None or image is None:
+                continue
+            found = locate(image, guess, self.keyframes, self.surface)
+            if isinstance(found, str) or (before and found.confidence <= before.confidence):
+                continue
+            self._note(index, image, found)
+            better += 1
+        return better
+
+    def outlines(self) -> dict[int, Outline]:
+        """The geometry's lines in the keyframes, by frame."""
+        found = {}
+        for keyframe in self.keyframes:
+            camera = self.cameras[keyframe.index]
+            view = self.surface.view(camera, jumps=False)
+            if view is not None:
+                found[keyframe.index] = outline(
+                    keyframe.image, view, camera, self.surface, self.edges
+                )
+        return found
+
     def result(self) -> Registration:
         """All frames' results, in the world, at the frames' own size."""
         frames = [self._frame(index) for index in range(len(self.frames))]
@@ -117,7 +156,7 @@ class Tracker:
         left, top, right, bottom = self.surface.window(located.camera)
         self.blur[index] = blur_effect(image[top:bottom, left:right])
         alike = np.exp(-((self.options.keyframe_angle / 20) ** 2))
-        sure = located.confidence > 0.5 or not located.total
+        sure = located.confidence > SURE or not located.total
         if located.affinity < alike and sure:
             keyframe = make_keyframe(
                 index, image, located.camera, self.surface, self.options.features
@@ -154,19 +193,19 @@ class Tracker:
         reason = self.reason.get(index, "it was not reached")
         if located is not None:
             reason = f"confidence {located.confidence:.2f}, {self.options.cut:g} is needed"
-        bridged = self._between(index) if self.options.ordered else None
+        bridged = None if index in self.cameras else self.between(index)
         if bridged is None:
             return FrameResult(None, "unregistered", reason, blur=blur)
         return FrameResult(self._outer(bridged), "bridged", reason, blur=blur)
 
-    def _between(self, index: int) -> Camera | None:
+    def between(self, index: int) -> Camera | None:
         """The camera between the nearest frames that are registered on both sides."""
-        known = np.array(sorted(self.cameras))
+        known = np.array(sorted(self.cameras.keys() - {index}))
         at = np.searchsorted(known, index)
-        if at == 0 or at == len(known):
+        if not self.options.ordered or at == 0 or at == len(known):
             return None
         before, after = int(known[at - 1]), int(known[at])
-        if after == index or after - before - 1 > self.options.bridge:
+        if after - before - 1 > self.options.bridge:
             return None
         a, b = self.cameras[before], self.cameras[after]
         return moved(a, twist_between(a, b) * (index - before) / (after - before))

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..geometry.harmonics import basis
 from ..geometry.mesh import Mesh
-from ..geometry.visibility import directional_visibility
+from ..reflectance.lamp_shadows import lamp_share
 from ..reflectance.lights import Light
 from ..reflectance.phong import lamps
 from .highlight import highlight
@@ -33,6 +33,7 @@ class AcquisitionRenderer(SurfaceRenderer):
     appearance : one per texture
     lights : with gains of geometric mean 1; directions as seen from the mesh's centre
     shadows : whether lights are tested against the mesh
+    lamp_radius : degrees, of compact lamps as seen from the centre: shadows have penumbrae then
     """
 
     def __init__(
@@ -41,9 +42,11 @@ class AcquisitionRenderer(SurfaceRenderer):
         appearance: Sequence[Appearance],
         lights: list[Light],
         shadows: bool = True,
+        lamp_radius: float = 0.0,
     ):
         super().__init__(mesh, appearance)
         self.lights, self.shadows = lights, shadows
+        self.size = np.radians(lamp_radius)
 
     def light(self, seen: Seen) -> np.ndarray:
         # Brighten D by what it mirrors of its surroundings
@@ -66,12 +69,10 @@ class AcquisitionRenderer(SurfaceRenderer):
             amount[amount < NEGLIGIBLE] = 0
             lit = np.flatnonzero(amount)
             if self.shadows and len(lit):
-                kappa = bulbs.curvature[k]
-                place = None if kappa == 0 else direction * (self.radius / kappa)
-                lights = [(direction, place)]
-                visible = directional_visibility(
-                    self.rays, seen.position[lit], seen.normal[lit], lights
-                )
-                amount[lit] *= visible[:, 0]
+                compact = (bulbs.light == bulbs.light[k]).sum() == 1
+                amount[lit] *= lamp_share(
+                    self.rays, seen.position[lit], seen.normal[lit], direction,
+                    bulbs.curvature[k] / self.radius, self.size if compact else 0.0,
+                )  # fmt: skip
             specular += amount
         return diffuse + specular[:, None] * seen.tint

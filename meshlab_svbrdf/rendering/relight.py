@@ -14,6 +14,7 @@ from numba import njit
 
 from ..geometry.mesh import Mesh
 from ..geometry.visibility import VERTEX_OFFSET, directional_visibility
+from ..reflectance.lamp_shadows import lamp_share
 from ..reflectance.microfacet import PHONG
 from ..threads import thread_count
 from .environment_lights import Illumination, together
@@ -34,7 +35,7 @@ def _shade(
     """Sum what the lights give to each of N points.
 
     corner : (N, 3) vertices around it, and weight : (N, 3)
-    lit : (N, S) bool, which of the first S lights arrive; at_vertices : (V, L − S) uint8, the
+    lit : (N, S) float64, what arrives of the first S lights; at_vertices : (V, L − S) uint8, the
         others; both empty: all arrive
     """
     sharp, shadows = lit.shape[1], lit.shape[1] + at_vertices.shape[1] > 0
@@ -50,7 +51,7 @@ def _shade(
         for k in range(len(curvature)):
             share = 1.0
             if shadows and k < sharp:
-                share = 1.0 if lit[n, k] else 0.0
+                share = lit[n, k]
             elif shadows:
                 j = k - sharp
                 share = u * at_vertices[a, j] + v * at_vertices[b, j] + w * at_vertices[c, j]
@@ -85,6 +86,7 @@ class RelitRenderer(SurfaceRenderer):
     appearance : one per texture, with the albedo as its diffuse colour
     light : what shines on it
     shadows : whether the object casts them on itself
+    lamp_radius : degrees, of the lamps as seen from the centre: shadows have penumbrae then
     """
 
     def __init__(
@@ -93,43 +95,45 @@ class RelitRenderer(SurfaceRenderer):
         appearance: Sequence[Appearance],
         light: Illumination,
         shadows: bool = True,
+        lamp_radius: float = 0.0,
     ):
         super().__init__(mesh, appearance)
+        self.size = np.radians(lamp_radius)
         self.sharp, self.soft = light.only(~light.soft), light.only(light.soft)
         self.illumination, self.shadows = together([self.sharp, self.soft]), shadows
         self.at_vertices = np.zeros((len(mesh.vertices), 0), np.uint8)
         if shadows:
             vertices, normals = self.mesh.vertices, self.mesh.vertex_normals()
             seen = directional_visibility(
-                self.rays, vertices, normals, self._places(self.soft), offset=VERTEX_OFFSET
+                self.rays,
+                vertices,
+                normals,
+                [(d, None) for d in self.soft.direction],
+                offset=VERTEX_OFFSET,
             )
             self.at_vertices = seen.astype(np.uint8)
 
     def light(self, seen: Seen) -> np.ndarray:
         out, own = np.empty((len(seen.face), 3)), self.illumination
         corners = self.mesh.faces[seen.face]
-        nowhere = np.zeros((len(out), 0), bool)
+        curvature = own.curvature / self.radius
+        sharp = range(len(self.sharp) if self.shadows else 0)
 
         def piece(first: int) -> None:
             s = slice(first, first + PIECE)
-            lit = nowhere[s]
-            if self.shadows:
-                lit = directional_visibility(
-                    self.rays, seen.position[s], seen.normal[s], self._places(self.sharp)
-                )
+            lit = np.empty((len(seen.face[s]), len(sharp)))
+            for k in sharp:
+                lit[:, k] = lamp_share(
+                    self.rays, seen.position[s], seen.normal[s], own.direction[k], curvature[k],
+                    self.size,
+                )  # fmt: skip
             _shade(
                 corners[s], seen.barycentric[s], seen.position[s], seen.normal[s], seen.view[s],
                 seen.diffuse[s], seen.tint[s], seen.kind[s], seen.facing[s], seen.grazing[s],
-                seen.shape[s], own.direction, own.curvature / self.radius, own.color, lit,
+                seen.shape[s], own.direction, curvature, own.color, lit,
                 self.at_vertices, out[s],
             )  # fmt: skip
 
         with ThreadPoolExecutor(thread_count()) as pool:
             list(pool.map(piece, range(0, len(out), PIECE)))
         return out
-
-    def _places(self, light: Illumination) -> list[tuple[np.ndarray, np.ndarray | None]]:
-        return [
-            (d, None if k == 0 else d * (self.radius / k))
-            for d, k in zip(light.direction, light.curvature, strict=True)
-        ]

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numba import njit
@@ -125,10 +126,14 @@ class SurfaceRenderer:
         vertices = mesh.vertices - self.center
         self.mesh = replace(mesh, vertices=vertices, normals=mesh.vertex_normals())
         self.appearance = [_filled(each) for each in appearance]
-        self.rays = Rays(self.mesh)
         faces = len(mesh.faces)
         index = np.zeros(faces, np.int32) if mesh.texture_index is None else mesh.texture_index
         self.texture = np.maximum(index, 0)
+
+    @cached_property
+    def rays(self) -> Rays:
+        """What shadows are looked for with."""
+        return Rays(self.mesh)
 
     def light(self, seen: Seen) -> np.ndarray:
         """What the surface sends to the camera, (N, 3) linear."""
@@ -140,10 +145,7 @@ class SurfaceRenderer:
         supersampling : rays per pixel and direction; the pixel is their mean in linear light
         """
         s = supersampling
-        fine = Camera(
-            camera.width * s, camera.height * s, camera.fx * s, camera.fy * s,
-            (camera.cx + 0.5) * s - 0.5, (camera.cy + 0.5) * s - 0.5, camera.R, camera.t,
-        ).about(self.center)  # fmt: skip
+        fine = camera.scaled(s).about(self.center)
         _, face_index = rasterise(self.mesh.vertices, self.mesh.faces, fine)
         rows, cols = np.nonzero(face_index >= 0)
         image, coverage = np.zeros((*face_index.shape, 3)), np.zeros(face_index.shape)

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-import cv2
 import numpy as np
 from numba import njit
 
 from ..errors import SvbrdfError
+from ..rendering.colors import viridis
 from ..samples.luminance import to_srgb8
 from .scene import Scene
 
@@ -79,8 +79,7 @@ def _paint(scene: Scene, name: str) -> Shown:
 
 def project_frame(scene: Scene, frame: int) -> np.ndarray:
     """The frame's samples on the texels (T, 3), as filters read them; unobserved elsewhere."""
-    if not 0 <= frame < len(scene.frames):
-        raise SvbrdfError(f"there are the frames 0 to {len(scene.frames) - 1}, not {frame}")
+    scene.check_frame(frame)
     store = scene.observations.store
     colors = np.broadcast_to(UNOBSERVED, (len(scene.texels), 3)).copy()
     for first, chunk in store.placed():
@@ -136,12 +135,6 @@ def _scale(values: np.ndarray, *, logarithmic: bool) -> Shown:
     share = (scale(np.where(known, values, low).clip(low, high)) - scale(low)) / (
         scale(high) - scale(low)
     )
-    colors = viridis()[np.rint(255 * share).astype(np.uint8)]
+    colors = viridis(share)
     legend = {"low": float(low), "high": float(high), "log": bool(logarithmic and low > 0)}
     return Shown(np.where(known[:, None], colors, UNOBSERVED), legend)
-
-
-def viridis() -> np.ndarray:
-    """(256, 3) uint8."""
-    bgr = cv2.applyColorMap(np.arange(256, dtype=np.uint8), cv2.COLORMAP_VIRIDIS)
-    return np.ascontiguousarray(bgr.reshape(256, 3)[:, ::-1])

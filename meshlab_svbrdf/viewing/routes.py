@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..document.products import plain
-from . import maps, picking, wire
+from . import maps, picking, shots, wire
 from .session import Session
 
 BINARY = "application/octet-stream"
@@ -46,7 +46,12 @@ def _scene(session: Session, given: Given) -> Answer:
     has_diffuse = scene.attribute("diffuse") is not None
     return Answer.json(
         wire.outline(scene)
-        | {"maps": maps.available(scene), "finds": has_diffuse, "threshold": session.threshold}
+        | {
+            "maps": maps.available(scene),
+            "finds": has_diffuse,
+            "threshold": session.threshold,
+            "gloss": session.by_gloss,
+        }
     )
 
 
@@ -111,6 +116,8 @@ GET: dict[str, Callable[[Session, Given], Answer]] = {
     "point": lambda s, g: Answer.json(picking.tell(s, int(g["texel"]))),
     "history": lambda s, g: Answer.json(picking.plot_history(s, int(g["texel"]))),
     "density": lambda s, g: Answer.json(picking.plot_density(s, int(g["cluster"]))),
+    "stand": lambda s, g: Answer.json(shots.stand(s.scene, int(g["frame"]))),
+    "picture": lambda s, g: Answer(shots.picture(s.scene, int(g["frame"])), "image/jpeg"),
     "preview": lambda s, g: Answer(wire.labels(s.preview(float(g["threshold"])))),
 }
 

@@ -108,6 +108,11 @@ class Scene:
         told = self.document.json("frames")["frames"]
         return [frame["label"] for frame in told if "samples" in frame]
 
+    def check_frame(self, frame: int) -> None:
+        """SvbrdfError where there is no such place in `frames`."""
+        if not 0 <= frame < len(self.frames):
+            raise SvbrdfError(f"there are the frames 0 to {len(self.frames) - 1}, not {frame}")
+
     @property
     def by_direction(self) -> bool:
         """Whether the frames are photographs from all around, not a video."""

@@ -14,7 +14,9 @@ import numpy as np
 
 from ..document.document import Document
 from ..errors import SvbrdfError
+from ..filters._clusters import find_clusters
 from ..filters._materials import edit_steps, names_text
+from ..progress import Progress
 from ..reflectance.labels import palette
 from ..reflectance.material_edits import Edit, Merge, Split, perform, rounded, to_text
 from ..reflectance.materials import (
@@ -22,7 +24,6 @@ from ..reflectance.materials import (
     MINIMUM_SHARE,
     THRESHOLD,
     segment,
-    segment_surface,
 )
 from ..script import Step, write_script
 from .coarse import Coarse
@@ -36,6 +37,7 @@ FOUND_BY = {
     "lightness_weight": LIGHTNESS_WEIGHT,
     "minimum_share": MINIMUM_SHARE,
     "join": True,
+    "gloss": False,
 }
 """Parameters of compute_svbrdf_materials that a new threshold keeps."""
 
@@ -78,6 +80,12 @@ class Session:
         """With which the clusters were found."""
         given = [step.parameters.get("threshold") for step in self.state.start]
         return float(given[0] if given and given[0] else self._options()["threshold"])
+
+    @property
+    def by_gloss(self) -> bool:
+        """Whether `find` asks the highlights, too."""
+        fresh = self.scene.fresh
+        return bool(self._options()["gloss"]) and fresh("samples") and fresh("lights")
 
     def describe(self) -> dict[str, Any]:
         """Revision, clusters and history, as JSON."""
@@ -127,6 +135,8 @@ class Session:
             stroke = np.asarray(stroke, float).reshape(-1, 3)
             if len(stroke) < 2:
                 raise SvbrdfError("the stroke misses the object: draw it over the object")
+            if not (self.labels >= 0).any():
+                raise SvbrdfError("there are no clusters to split yet: find them first")
             if cluster < 0:
                 middle = stroke[len(stroke) // 2] - self.scene.texels.center
                 cluster = int(self.labels[self.scene.graph.tree.query(middle)[1]])
@@ -157,19 +167,27 @@ class Session:
 
     def find(self, threshold: float, revision: int | None = None) -> None:
         """Find the clusters anew, as compute_svbrdf_materials with this threshold."""
+        scene = self.scene
         with self.lock:
             self._check(revision)
-            options = {**self._options(), "threshold": threshold}
-            texels = self.scene.texels
-            labels = segment_surface(texels.position, texels.normal, self._diffuse(), **options)
-            start = Step(MATERIALS, {name: _word(value) for name, value in options.items()})
-            words = f"found with threshold {threshold:g}"
+            begun = self.revision
+        self._diffuse()
+        options = {**self._options(), "threshold": threshold}
+        words = f"found with threshold {threshold:g}"
+        if options["gloss"] and not self.by_gloss:
+            options["gloss"] = False
+            words += ", by colour alone"
+        labels, _ = find_clusters(scene.document, Progress(), **options)
+        start = Step(MATERIALS, {name: _word(value) for name, value in options.items()})
+        with self.lock:
+            self._check(begun)
             self._push(State(words, pack(labels), {}, (start,), ()))
 
     def preview(self, threshold: float) -> np.ndarray:
-        """About what `find` would give, at once; nothing changes."""
+        """About what `find` would give by colour, at once; nothing changes."""
         diffuse, (kept, adjacency, nearest) = self._diffuse(), self._coarse.get()
-        options = {**self._options(), "threshold": threshold}
+        options = {k: v for k, v in self._options().items() if k != "gloss"}
+        options["threshold"] = threshold
         labels = segment(diffuse[kept], adjacency, **options)[nearest]
         return np.where(np.isfinite(diffuse).all(1), labels, -1).astype(np.int32)
 

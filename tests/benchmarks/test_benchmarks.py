@@ -201,14 +201,6 @@ def test_scenes_that_are_not_there_are_left_out_with_a_reason(monkeypatch, tmp_p
     assert Case("mine", tmp_path).truth == tmp_path / "mine" / "ground_truth"
 
 
-def test_gains_of_a_photograph_are_fitted_away():
-    rng = np.random.default_rng(1)
-    rendered = rng.uniform(0.05, 0.5, (1000, 3))
-    truth = rendered * [1.5, 0.7, 1.1]
-    truth[:50] = 0.99  # clipped pixels do not count
-    np.testing.assert_allclose(photographs.fitted(rendered, truth)[50:], truth[50:], rtol=1e-12)
-
-
 def test_frames_held_out_are_predicted(tmp_path_factory, tmp_path, capsys):
     """A film under a fixed exposure: highlights help, and every method is judged alike."""
     document = Document.open(film(tmp_path_factory, WALK), tmp_path)

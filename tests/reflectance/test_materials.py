@@ -181,6 +181,28 @@ def test_nothing_observed(globe):
     assert (segment_surface(position, position, nothing) == -1).all()
 
 
+def test_a_mixture_along_a_border_goes_to_its_sides(globe):
+    """Pixels that show both colours, in light and shade: each texel to the one it has more of."""
+    position, adjacency = globe
+    share = np.clip((position[:, 2:] - 0.3) / 0.14 + 0.5, 0, 1)
+    mixed = share * TERRACOTTA + (1 - share) * np.array([10.0, 40, 30])
+    mixed = mixed * irradiance(position, seed=4)[:, None]
+    labels = segment(mixed, adjacency)
+    assert labels.max() == 1
+    wrong = labels != (position[:, 2] > 0.3)
+    assert wrong.mean() < 0.01
+    assert segment(mixed, adjacency, strip=0.0).max() >= 1
+
+
+def test_a_line_of_its_own_colour_stays(globe):
+    position, adjacency = globe
+    line = np.abs(position[:, 2:] - 0.3) < 0.08
+    lined = np.where(line, [8.0, 40, 6], two_colors(position))
+    labels = segment(lined, adjacency)
+    assert labels.max() == 2
+    assert np.array_equal(labels == labels[line[:, 0]][0], line[:, 0])
+
+
 def test_thinned_surface_takes_the_labels_of_the_nearest():
     position = sphere(30000)
     diffuse = two_colors(position)

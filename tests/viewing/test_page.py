@@ -4,12 +4,14 @@ What is saved is compared with the clusters that the filters make of the same ed
 """
 
 import shutil
+from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from threading import Thread
 
 import numpy as np
 import pytest
-from totems import WALK, copied
+from totems import DIFFUSE, WALK, copied, film, run, sized
 
 from meshlab_svbrdf.document.document import Document
 from meshlab_svbrdf.filters._materials import read_edits, read_names
@@ -19,6 +21,7 @@ from meshlab_svbrdf.viewing.picking import hits
 from meshlab_svbrdf.viewing.scene import Scene
 from meshlab_svbrdf.viewing.server import PageServer
 from meshlab_svbrdf.viewing.session import Session
+from meshlab_svbrdf.viewing.shots import lens, raster
 
 playwright = pytest.importorskip("playwright.sync_api", reason="needs Playwright's Python package")
 
@@ -41,15 +44,23 @@ def browser():
         chromium.close()
 
 
+@contextmanager
+def serving(session):
+    with PageServer(session) as server:
+        thread = Thread(target=server.serve_forever)
+        thread.start()
+        try:
+            yield server
+        finally:
+            server.shutdown()
+            thread.join()
+
+
 @pytest.fixture
 def served(tmp_path_factory, tmp_path):
     project = copied(tmp_path_factory, WALK, tmp_path / "result").save()
-    with PageServer(Session(Scene(project))) as server:
-        thread = Thread(target=server.serve_forever)
-        thread.start()
+    with serving(Session(Scene(project))) as server:
         yield server
-        server.shutdown()
-        thread.join()
 
 
 @pytest.fixture
@@ -292,6 +303,95 @@ def test_a_stroke_goes_on_after_the_object_was_turned(page, served):
     eyes, count = np.unique(np.round(rays[:, :3], 9), axis=0, return_counts=True)
     assert len(eyes) == 2
     assert count.min() > 10
+
+
+def test_it_looks_as_a_frame_did_with_the_frame_beside(page, served):
+    """A point is where the frame's camera has it, in views of any shape."""
+    scene, frame = served.session.scene, 3
+    shot, texels = raster(scene, frame).camera, scene.texels
+    shot = replace(shot, cx=shot.cx + 9.0, cy=shot.cy - 5.0)
+    point = texels.position[::500] + texels.center
+    expected = shot.project(point)[:, :2] + 0.5
+    told = lens(shot, texels)
+    for width, height in ((shot.width, shot.height), (3 * shot.width, shot.height), (200, 900)):
+        found = page.evaluate(
+            """async ([lens, points, size]) => {
+                const { Camera } = await import("/camera.js");
+                const camera = new Camera();
+                camera.size = size;
+                camera.stand(lens);
+                const [x, y] = camera.project(points[0]), [eye, way] = camera.ray(x, y);
+                const m = camera.matrix(), p = [...points[0], 1];
+                const row = (r) => p.reduce((s, v, c) => s + v * m[4 * c + r], 0);
+                const clip = [0, 1, 2, 3].map(row);
+                return [points.map((q) => camera.project(q)), eye, way, clip];
+            }""",
+            [told, ((point - texels.center) / texels.radius).tolist(), [width, height]],
+        )
+        pixels, eye, way, clip = map(np.array, found)
+        scale = min(width / shot.width, height / shot.height)
+        middle = (np.array([width, height]) - scale * np.array([shot.width, shot.height])) / 2
+        np.testing.assert_allclose(pixels, scale * expected + middle, atol=1e-3)
+        drawn = (clip[:2] / clip[3] * [1, -1] + 1) / 2 * [width, height]
+        np.testing.assert_allclose(drawn, pixels[0], atol=1e-2)
+        toward = (point[0] - texels.center) / texels.radius - eye
+        np.testing.assert_allclose(np.cross(toward, way), 0, atol=1e-6)
+
+    # The button
+    before = page.evaluate("document.getElementById('view').clientWidth")
+    page.select_option("#map", "frame")
+    page.locator("#frame").fill("3")
+    with page.expect_response("**/api/picture?frame=3") as answer:
+        page.click("#stand")
+    assert answer.value.headers["content-type"] == "image/jpeg"
+    width, height = shot.width, shot.height
+    page.wait_for_function(
+        "([w, h]) => document.querySelector('#shot canvas').width === w", arg=[width, height]
+    )
+    assert page.locator("#shot canvas").evaluate("canvas => canvas.height") == height
+    assert scene.frames[3] in shown(page, "#shot figcaption")
+    assert page.evaluate("document.getElementById('view').clientWidth") == before // 2
+    with page.expect_response("**/api/picture?frame=4"):
+        page.locator("#frame").fill("4")
+    page.select_option("#map", "materials")
+    page.wait_for_selector("#shot", state="hidden")
+
+
+def test_a_frame_that_is_gone_is_said_and_its_camera_still_stands(page, served, tmp_path):
+    scene = served.session.scene
+    entry = raster(scene, 2)
+    gone = replace(entry, path=tmp_path / "gone.png")
+    scene.document.project.rasters[scene.document.project.rasters.index(entry)] = gone
+    page.select_option("#map", "frame")
+    page.locator("#frame").fill("2")
+    page.click("#stand")
+    page.locator("#shot figcaption", has_text="gone").wait_for()
+    assert page.locator("#stand").get_attribute("aria-pressed") == "true"
+
+
+def test_a_project_without_materials_says_so_and_finds_them(
+    tmp_path_factory, tmp_path, browser, problems
+):
+    document = Document.open(film(tmp_path_factory, WALK), tmp_path / "early")
+    run(document, DIFFUSE, **sized(WALK))
+    document.save()
+    with serving(Session(Scene(document.path))) as server:
+        page = opened(browser, server, problems)
+        wait_for(page, "no materials yet")
+        page.click("#tool-stroke")
+        page.mouse.move(250, 400)
+        page.mouse.down()
+        page.mouse.move(650, 410, steps=20)
+        page.mouse.up()
+        wait_for(page, "there are no clusters to split")
+        with page.expect_response("**/api/preview?threshold=10"):
+            page.locator("#threshold").fill("10.5")
+            page.locator("#threshold").fill("10")
+        page.wait_for_function("() => !document.getElementById('find').disabled")
+        page.click("#find")
+        wait_for(page, "found with threshold 10")
+        assert page.locator("#clusters li").count() == len(server.session.clusters()) > 1
+    assert problems == []
 
 
 def test_two_pages_on_one_project(page, served, browser, problems):

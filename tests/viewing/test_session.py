@@ -5,7 +5,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from totems import DIFFUSE, GLOSS, MATERIALS, WALK, contents, copied, film, run, sized
+from totems import (
+    DIFFUSE,
+    ENVIRONMENT,
+    GLOSS,
+    MATERIALS,
+    SAMPLES,
+    THRESHOLD,
+    WALK,
+    contents,
+    copied,
+    film,
+    run,
+    sized,
+)
 
 from meshlab_svbrdf.document.document import Document
 from meshlab_svbrdf.errors import MissingStageError, SvbrdfError
@@ -259,6 +272,30 @@ def test_a_preview_is_about_what_is_found(session):
     assert session.revision == revision
     session.find(7.0)
     assert np.mean(preview == session.labels) > 0.9
+
+
+def test_a_project_by_gloss_is_found_anew_by_gloss(project):
+    document = Document.open(project)
+    message = document.apply(MATERIALS, gloss=True).message
+    assert "by colour" in message
+    session = Session(Scene(project))
+    assert session.by_gloss
+    session.find(10.0)
+    np.testing.assert_array_equal(session.labels, document.attribute("material"))
+    session.find(9.0)
+    session.save()
+    np.testing.assert_array_equal(saved(project), session.labels)
+
+    # Without samples that are up to date it is by colour, and says so
+    document = Document.open(project)
+    document.apply(SAMPLES, step=2)
+    for name in (THRESHOLD, ENVIRONMENT, DIFFUSE):
+        document.apply(name)
+    later = Session(Scene(project))
+    assert not later.by_gloss
+    later.find(10.0)
+    assert later.state.words == "found with threshold 10, by colour alone"
+    assert later.state.start[0].parameters["gloss"] == "false"
 
 
 def test_projects_without_materials_can_be_given_some_and_say_what_they_lack(

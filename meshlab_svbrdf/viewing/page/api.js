@@ -18,6 +18,7 @@ export const get = async (path) => (await ask(path)).json();
 export const post = async (path, given) =>
   (await ask(path, { method: "POST", body: JSON.stringify(given) })).json();
 export const text = async (path) => (await ask(path)).text();
+export const picture = async (path) => createImageBitmap(await (await ask(path)).blob());
 
 // A typed array, and the headers that came with it
 export async function array(path, Type) {

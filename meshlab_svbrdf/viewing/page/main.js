@@ -5,11 +5,12 @@ import { Painted } from "./object.js";
 import { clusterRow, numberRows, palette } from "./panel.js";
 import { drawDensity, drawHistory, number } from "./plots.js";
 import { Pointer } from "./pointer.js";
+import { ring, Shot } from "./shot.js";
 
 const $ = (id) => document.getElementById(id);
 const view = $("view"), overlay = $("overlay");
-const camera = new Camera(), selected = new Set();
-let object, scene, state, point = null, previewing = false, tool = "pick";
+const camera = new Camera(), shot = new Shot($("shot")), selected = new Set();
+let object, scene, state, point = null, previewing = false, tool = "pick", standing = false;
 let stroke = [], settled = { count: 0, points: [] }; // a stroke's rays, and what of it lies on the object
 let told = { history: 0, preview: 0, map: 0 }; // the newest question of each kind: late answers are dropped
 
@@ -69,18 +70,17 @@ function drawOverlay(scale) {
     }
   }
   const at = point && camera.project(local(point.point));
-  if (at) {
-    // Faint where it is on the far side
-    const place = local(point.point), eye = camera.eye;
-    paper.globalAlpha = point.normal.reduce((sum, n, i) => sum + n * (eye[i] - place[i]), 0) > 0 ? 1 : 0.25;
-    for (const [color, width] of [["#000a", 4], ["#fff", 2]]) {
-      Object.assign(paper, { strokeStyle: color, lineWidth: width });
-      paper.beginPath();
-      paper.arc(...at, 6, 0, 2 * Math.PI);
-      paper.stroke();
-    }
-    paper.globalAlpha = 1;
-  }
+  if (at) ring(paper, at, 1, turnedAway(camera));
+}
+
+// Whether the picked point is on the side that a camera does not see
+function turnedAway({ eye }) {
+  const place = local(point.point);
+  return point.normal.reduce((sum, n, i) => sum + n * (eye[i] - place[i]), 0) <= 0;
+}
+
+function markShot() {
+  if (point && standing) shot.mark(local(point.point), turnedAway(shot.camera));
 }
 
 // World and radii about the centre
@@ -156,9 +156,10 @@ async function showPoint(texel, found) {
   if (!found || asked !== told.history) return;
   point = found;
   redraw();
+  markShot();
   const own = state.clusters.find((c) => c.id === found.cluster);
   $("point-empty").hidden = true;
-  $("point-cluster").textContent = own ? `material ${own.id}${own.name ? `, ${own.name}` : ""}` : "of no material: unobserved";
+  $("point-cluster").textContent = own ? `material ${own.id}${own.name ? `, ${own.name}` : ""}` : state.clusters.length ? "of no material: unobserved" : "no materials yet";
   $("numbers").replaceChildren(...numberRows(found, own));
   const [history, density] = [$("history"), $("density")];
   const plot = async (box, ask, draw) => {
@@ -184,12 +185,14 @@ async function showMap() {
   const asked = ++told.map, name = $("map").value;
   $("frame-box").hidden = name !== "frame";
   $("legend").hidden = true;
+  if (name !== "frame" && standing) leave();
   if (name === "materials") return redraw();
   const frame = Number($("frame").value);
   $("frame-name").textContent = scene.frames[frame] ?? "";
   const answer = await tryTo(() => array(`map?name=${name}&frame=${frame}`, Uint8Array));
   if (!answer || asked !== told.map) return undefined;
   object.paint(answer[0]);
+  if (standing) await standAt(frame);
   const legend = JSON.parse(answer[1].get("X-Legend"));
   $("legend").hidden = legend.low === undefined;
   $("legend-low").textContent = number(legend.low);
@@ -197,17 +200,41 @@ async function showMap() {
   return redraw();
 }
 
+// A frame's own camera
+
+async function standAt(frame) {
+  const lens = await tryTo(() => get(`stand?frame=${frame}`));
+  if (!lens || Number($("frame").value) !== frame) return;
+  standing = true;
+  $("stand").setAttribute("aria-pressed", "true");
+  $("stage").classList.add("standing");
+  camera.stand(lens);
+  redraw();
+  await shot.show(frame, scene.frames[frame], lens);
+  markShot();
+}
+
+function leave() {
+  standing = false;
+  $("stand").setAttribute("aria-pressed", "false");
+  $("stage").classList.remove("standing");
+  shot.hide();
+  camera.release();
+  redraw();
+}
+
 // A threshold
 
 async function preview() {
   const asked = ++told.preview, threshold = Number($("threshold").value);
   $("threshold-value").textContent = threshold;
+  $("preview-note").textContent = "Looking…";
   const answer = await tryTo(() => array(`preview?threshold=${threshold}`, Uint16Array));
   if (!answer || asked !== told.preview) return;
   previewing = true;
   object.label(answer[0]);
   const count = new Set(answer[0].filter((v) => v !== 65535)).size;
-  $("preview-note").textContent = `Preview: about ${count} clusters.`;
+  $("preview-note").textContent = `By colour about ${count} clusters${scene.gloss ? "; gloss then joins and parts them" : ""}.`;
   $("find").disabled = $("cancel").disabled = false;
   showClusters();
 }
@@ -253,6 +280,7 @@ async function endStroke(more) {
   await endPreview();
   const rays = stroke.map((s) => s.ray), one = selected.size === 1 ? [...selected][0] : -1;
   stroke = [];
+  say("Cutting…");
   const next = await edit("split", { rays, cluster: one, through: $("through").checked });
   if (next) use("pick");
   return redraw();
@@ -287,7 +315,7 @@ $("merge").onclick = async () => {
 };
 $("find").onclick = async () => {
   const threshold = Number($("threshold").value);
-  say("Finding the clusters…");
+  say("Finding the clusters: some seconds…");
   previewing = false;
   if (await edit("find", { threshold })) scene.threshold = threshold;
   previewing = true;
@@ -303,6 +331,7 @@ $("script").onclick = () => tryTo(async () => {
 });
 $("map").onchange = showMap;
 $("frame").oninput = showMap;
+$("stand").onclick = () => standing ? leave() : standAt(Number($("frame").value));
 $("shading").onchange = redraw;
 $("threshold").oninput = () => { clearTimeout($("threshold").wait); $("threshold").wait = setTimeout(preview, 60); };
 addEventListener("resize", redraw);
@@ -311,8 +340,8 @@ addEventListener("keydown", (event) => {
   const control = event.ctrlKey || event.metaKey, letter = event.key.toLowerCase();
   const does = control && letter === "z" ? (event.shiftKey ? $("redo") : $("undo"))
     : control && letter === "y" ? $("redo") : control && letter === "s" ? $("save")
-    : control || typing ? null : { m: $("merge"), p: $("tool-pick"), s: $("tool-stroke") }[letter];
-  if (does && !(typing && letter !== "s")) { event.preventDefault(); if (!does.disabled) does.click(); }
+    : control || typing ? null : { f: $("stand"), m: $("merge"), p: $("tool-pick"), s: $("tool-stroke") }[letter];
+  if (does && !(typing && letter !== "s")) { event.preventDefault(); if (!does.disabled && does.offsetParent) does.click(); }
   if (event.key === "Escape") { stroke = []; selected.clear(); endPreview(); showClusters(); }
 });
 

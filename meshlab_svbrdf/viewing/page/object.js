@@ -18,7 +18,7 @@ void main() {
   uint own = label(p);
   vec4 mine = own == NONE ? vec4(0.227, 0.239, 0.259, 0.0) : texelFetch(palette, ivec2(int(own) % 1024, int(own) / 1024), 0);
   vec3 color = byLabel ? mine.rgb : texture(colors, at).rgb;
-  if (some && mine.a < 0.5) color = mix(vec3(dot(color, vec3(0.2126, 0.7152, 0.0722))), color, 0.25) * 0.55;
+  if (some && mine.a < 0.5) color = byLabel ? mix(vec3(dot(color, vec3(0.2126, 0.7152, 0.0722))), color, 0.25) * 0.55 : 0.7 * color;
   if (shaded) {
     float n = abs(dot(normalize(facing), back));
     color *= byLabel ? 0.45 + 0.55 * n : 0.7 + 0.3 * n;

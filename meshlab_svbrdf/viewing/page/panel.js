@@ -28,7 +28,7 @@ export function clusterRow(cluster, selected, does) {
   name.addEventListener("change", () => does.rename(cluster.id, name.value));
   name.addEventListener("keydown", (event) => { if (event.key === "Enter") name.blur(); });
   name.addEventListener("click", (event) => event.stopPropagation());
-  const shown = !gloss ? `${(100 * cluster.share).toFixed(1)} %` : gloss.observed ? `ρs ${number(gloss.rho_s)}  α ${number(gloss.alpha)}` : "no gloss told";
+  const shown = !gloss ? `${(100 * cluster.share).toFixed(1)} %` : gloss.observed ? `ρs ${number(gloss.rho_s)}  α ${number(gloss.alpha)}` : "gloss unobserved";
   const right = cell("gloss", shown);
   right.title = `${cluster.texels.toLocaleString()} texels, ${(100 * cluster.share).toFixed(1)} %${gloss && !gloss.observed ? `: ${gloss.reason}` : ""}`;
   row.append(swatch, cell("id", cluster.id), name, right);

@@ -1,0 +1,37 @@
+"""Finding the clusters: what the filter does, and the page of `meshlab-svbrdf view` with it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from meshlab_svbrdf.document.document import Document
+from meshlab_svbrdf.progress import Progress
+from meshlab_svbrdf.reflectance.gloss_areas import by_gloss
+from meshlab_svbrdf.reflectance.materials import color_space, segment_surface
+
+from ._stages import read_curved_observations, read_lights_found
+
+FOLLOWED = 2.0
+"""Thresholds within which a cluster without a gloss of its own follows the nearest colour."""
+
+
+def find_clusters(
+    document: Document, progress: Progress, *, threshold: float, lightness_weight: float,
+    minimum_share: float, join: bool, gloss: bool,
+) -> tuple[np.ndarray, str]:  # fmt: skip
+    """Labels (T,) int32, -1 for none, and in words what gloss changed of those of colour."""
+    texels, diffuse = document.texels(), document.attribute("diffuse")
+    progress(0.1, "growing regions")
+    labels = segment_surface(
+        texels.position, texels.normal, diffuse, threshold=threshold,
+        lightness_weight=lightness_weight, minimum_share=minimum_share, join=join,
+    )  # fmt: skip
+    if not gloss or labels.max(initial=-1) < 0:
+        return labels, ""
+    if not (lights := read_lights_found(document)):
+        return labels, "by colour alone: no light was found"
+    progress(0.3, "comparing highlights")
+    observations, turn = read_curved_observations(document, rays=True)
+    colors = color_space(diffuse, lightness_weight)
+    glossy = by_gloss(observations, labels, colors, lights, turn, FOLLOWED * threshold)
+    return glossy, f"of {labels.max() + 1} by colour"
