@@ -9,7 +9,7 @@
     python -m benchmarks registration             cameras of films and photographs
     python -m benchmarks export                   what other programs show of a result
     python -m benchmarks relighting               other light, and the time of a picture
-    python -m benchmarks stability [--scene extremes|files|interrupted]
+    python -m benchmarks stability [--scene extremes|files|guards|…]
     python -m benchmarks materials [--scene …]    areas of one material, found and edited by hand
     python -m benchmarks page                     how long the page of `view` lets one wait
     python -m benchmarks --all --docs             everything, into the documentation

@@ -1,7 +1,7 @@
 """The method's guards, and that a test fails without each: the guard is taken out, the test run.
 
-A guard is a piece of source and what stands there without it. The tree is copied, and nothing is
-compiled: the functions run as Python.
+A guard is a piece of source and what stands there without it. The tree is copied, and next to
+nothing is compiled: the functions run as Python.
 """
 
 from __future__ import annotations
@@ -18,6 +18,10 @@ from ..ledger import ROOT
 
 COPIED = ("meshlab_svbrdf", "tests", "sample_projects/__init__.py", "sample_projects/procedural",
           "sample_projects/make_totem.py", "pyproject.toml")  # fmt: skip
+
+
+# Divides numbers of Python's by zero, which compiled is no error
+COMPILED = ("tests/reflectance/test_diffuse.py::test_weight_of_the_darkest_sample_is_nothing",)
 
 
 @dataclass(frozen=True)
@@ -83,15 +87,11 @@ GUARDS: list[Guard] = [
         ("E_max > 3", "excess_max > EXCESS_MAX and ", "", "test_guards"),
         ("E_min > .5", "excess_min > EXCESS_MIN and ", "", "test_guards"),
         ("E_max / E_min > 1.3", " and excess_max / excess_min > CONTRAST", "", "test_guards"),
-        ("|ln cos ratio| > 10⁻⁴", "abs(ln_max - ln_min) > LN_RATIO", "abs(ln_max - ln_min) > 0",
-         "test_guards"),
         ("1 < α < 2000", "if not (SHININESS[0] < alpha < SHININESS[1]):", "if alpha != alpha:",
          "test_guards"),
         ("ρs < 1000", "if not rho < RHO_MOST:", "if rho != rho:", "test_guards"),
         ("d_max < 2.5", "-1, FARTHEST * FARTHEST", "-1, np.inf",
          "test_peak_too_far_from_every_light_belongs_to_none"),
-        ("d_min ≥ d_max", "if not d2_max <= d2_min < np.inf:", "if not d2_min < np.inf:",
-         "test_peak_whose_lower_sample_is_nearer_to_the_light_is_discarded"),
         ("clipped samples are no peak",
          "if excess > high and not is_clipped(block, view, run[k]):", "if excess > high:",
          "test_clipped_samples_are_dropped"),
@@ -107,8 +107,6 @@ GUARDS: list[Guard] = [
         "reflectance/elimination.py", "reflectance/test_elimination.py",
         ("the first sample is taken off before summing", "d[j] = y[j] - origin", "d[j] = y[j]",
          "test_offsets_of_ten_million_cost_nothing"),
-        ("a flat parabola moves nothing", " if bend > 0 else 0.0", "",
-         "test_flat_parabola_does_not_divide_by_nothing"),
         ("a minimum at an end of the range says so", "at_end = best in (0, len(rss) - 1)",
          "at_end = False", "test_a_lobe_at_an_end_of_the_grid_says_so"),
     ),
@@ -170,8 +168,12 @@ def without(guard: Guard, source: str) -> str:
 
 
 def _passes(folder: Path, test: str) -> bool:
-    command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", test]
-    own = {"NUMBA_DISABLE_JIT": "1", "PYTHONDONTWRITEBYTECODE": "1"}
+    # As Python, divisions by zero warn that compiled ones do not
+    quiet = ["-p", "no:cacheprovider", "-W", "ignore::RuntimeWarning"]
+    command = [sys.executable, "-m", "pytest", "-x", "-q", *quiet, test]
+    own = {"PYTHONDONTWRITEBYTECODE": "1", "NUMBA_CACHE_DIR": str(folder / "kernels")}
+    if test not in COMPILED:
+        own["NUMBA_DISABLE_JIT"] = "1"
     done = subprocess.run(command, cwd=folder, env=os.environ | own, capture_output=True)
     if done.returncode not in (0, 1):
         raise RuntimeError(done.stdout.decode()[-2000:] + done.stderr.decode()[-2000:])

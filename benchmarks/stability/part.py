@@ -15,12 +15,13 @@ from ..ledger import Row, Task
 from ..tables import Table
 from . import chain, lamps, precision, statistics
 from .checks import Check, run_cases
+from .guards import try_guards
 from .handmade import try_handmade
 from .hostile import try_formats
 from .interruption import fill_disks, kill_runs
 
 PART = "stability"
-EXTREMES, FILES, INTERRUPTED = "extremes", "files", "interrupted"
+EXTREMES, FILES, GUARDED, INTERRUPTED = "extremes", "files", "guards", "interrupted"
 SWEEPS: dict[str, ModuleType] = {
     "sums": statistics, "single precision": precision, "lights and gloss": lamps,
     "the chain": chain,
@@ -29,7 +30,7 @@ DAMAGED, KILLS, DISKS = 200, 200, 40
 
 
 def tasks(only: Sequence[str] = ()) -> list[Task]:
-    """All of them, or those of some groups: extremes, files, interrupted."""
+    """All of them, or those of some groups: extremes, files, guards, interrupted."""
     found = [
         Task(PART, EXTREMES, name, "", partial(_sweep, name, module))
         for name, module in SWEEPS.items()
@@ -37,6 +38,7 @@ def tasks(only: Sequence[str] = ()) -> list[Task]:
     found += [
         Task(PART, FILES, "damaged", f"{DAMAGED} of each format", _damaged),
         Task(PART, FILES, "made to do harm", "", _handmade),
+        Task(PART, GUARDED, "guards", "", _guarded),
         Task(PART, INTERRUPTED, "killed", f"{KILLS} times", partial(_disturbed, kill_runs, KILLS)),
         Task(PART, INTERRUPTED, "disk full", f"{DISKS} sizes",
              partial(_disturbed, fill_disks, DISKS)),
@@ -64,6 +66,11 @@ def _handmade(folder: Path) -> Row:
     return _row({"cases": told}, [f"{name}: {broke}" for name, _, broke in cases if broke])
 
 
+def _guarded(folder: Path) -> Row:
+    rows = try_guards(folder)
+    return _row({"guards": rows}, [f"{r['guard']}: {r['broke']}" for r in rows if r["broke"]])
+
+
 def _disturbed(disturb: Callable[[Path, int], dict[str, Any]], count: int, folder: Path) -> Row:
     folder.mkdir(parents=True)
     with warnings.catch_warnings():
@@ -88,6 +95,10 @@ def tables(rows: Sequence[Row]) -> list[Table]:
             found.append(_formats(row))
         elif "cases" in row:
             found.append(_cases(row))
+        elif "guards" in row:
+            cells = [[r["guard"], f"`{r['test']}`", r["broke"] or "yes"] for r in row["guards"]]
+            headings = ["guard", "test", "fails without it"]
+            found.append(Table(f"{len(cells)} guards", headings, cells))
         elif "stages" in row:
             found.append(_kills(row))
         elif "told" in row:

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from benchmarks.documents import STABILITY
-from benchmarks.ledger import Ledger
+from benchmarks.ledger import ROOT, Ledger
 from benchmarks.stability import interruption, part, precision
 from benchmarks.stability.checks import Check, run_cases
 from benchmarks.stability.damage import damaged
 from benchmarks.stability.files import Format
+from benchmarks.stability.guards import GUARDS, without
 from benchmarks.stability.handmade import try_handmade
 from benchmarks.stability.hostile import try_format, try_formats
 from meshlab_svbrdf.errors import SvbrdfError
@@ -117,6 +118,16 @@ def test_what_is_not_whole_is_seen(tmp_path, monkeypatch):
     assert any("is cut off or damaged" in p for p in interruption._problems(output, before))
 
 
+def test_every_guard_is_in_the_source_once_and_its_test_exists():
+    for guard in GUARDS:
+        source = (ROOT / guard.file).read_text(encoding="utf-8")
+        assert without(guard, source) != source
+        file, _, name = guard.test.partition("::")
+        assert f"def {name}(" in (ROOT / file).read_text(encoding="utf-8")
+    with pytest.raises(ValueError, match="0 times"):
+        without(GUARDS[0], "")
+
+
 def test_rows_become_tables_and_every_table_has_its_place(tmp_path):
     rows = [
         {"name": "sums", "checks": [vars(Check("s", "case", "m", 0.5, 1.0)),
@@ -124,6 +135,7 @@ def test_rows_become_tables_and_every_table_has_its_place(tmp_path):
         {"name": "damaged", "formats": [{"format": ".ply", "tried": 9, "read": 4, "refused": 5,
                                          "broke": 0, "how": {}}]},
         {"name": "made", "cases": [{"case": "bomb", "said": "Error: no"}]},
+        {"name": "guards", "guards": [{"guard": "w", "test": "t.py::test", "broke": ""}]},
         {"name": "killed", "stages": {"a": 3}, "kills": 3, "finished": 1, "broke": []},
         {"name": "disk", "told": 2, "tried": 3, "enough": 1, "broke": []},
     ]  # fmt: skip

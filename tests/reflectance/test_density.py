@@ -76,6 +76,10 @@ def test_tails_beyond_a_percent_set_no_bandwidth():
     wild = rho.copy()
     wild[:10], wild[10:20] = 1e-6, 999
     assert highest_bell(wild, wild).rho_s == pytest.approx(highest_bell(rho, rho).rho_s, rel=0.01)
+    # Nor do they where they make up two fifths of a percent on either side of a wide density
+    ends = highest_bell(wild, wild, density="linear").x
+    assert ends[0] > 1
+    assert ends[-1] < 200
 
 
 @pytest.mark.parametrize("value", [1e-3, 12.0, 999.0])

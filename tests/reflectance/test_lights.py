@@ -150,6 +150,16 @@ def test_what_no_sample_mirrors_is_no_light():
     whole = lights_by_peaks(EnvironmentMap(radiance, radiance, seen.astype(float)))
     assert len(whole) == 1
     assert lights_by_peaks(EnvironmentMap(radiance, radiance, np.zeros_like(radiance))) == []
+    # A pixel as bright as the lamp that no sample reached
+    unreached = radiance + 40.0 * (np.arange(H)[:, None] == 50) * (np.arange(2 * H)[None] == 20)
+    assert (
+        len(
+            lights_by_peaks(
+                EnvironmentMap(unreached, radiance, seen.astype(float)), minimum_energy=0
+            )
+        )
+        == 1
+    )
 
 
 def test_one_noisy_pixel_sets_no_scale():
