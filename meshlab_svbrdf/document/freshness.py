@@ -86,18 +86,20 @@ class Freshness:
             elif parameter.kind == "rasters":
                 for each in split_labels(label):
                     keys[RASTER + each] = self._raster(each)
-        for need in filter.needs_with(parameters):
+        needs = filter.needs_with(parameters)
+        for need in needs:
+            if need not in INPUTS and need not in self._products:
+                raise MissingStageError(
+                    f"{filter.name} needs the {_words(need)}: run {_makers(need)} first"
+                )
+        for need in needs:
             if need in INPUTS:
                 keys[need] = self._inputs[need]()
                 continue
-            makers = " or ".join(registry.writers(need)) or f"the filter that writes {need}"
-            words = need.replace("_", " ")
-            if need not in self._products:
-                raise MissingStageError(f"{filter.name} needs the {words}: run {makers} first")
             if older := self.stale(need):
                 raise MissingStageError(
-                    f"{filter.name} needs the {words}, but the {in_words(older)} changed since: "
-                    f"run {makers} again"
+                    f"{filter.name} needs the {_words(need)}, but the {in_words(older)} changed "
+                    f"since: run {_makers(need)} again"
                 )
             keys[need] = self._products[need]["key"]
         return keys
@@ -116,6 +118,14 @@ class Freshness:
             and all((self._results.path / file).exists() for file in self._products[name]["files"])
             for name in filter.writes
         )
+
+
+def _words(product: str) -> str:
+    return product.replace("_", " ")
+
+
+def _makers(product: str) -> str:
+    return " or ".join(registry.writers(product)) or f"the filter that writes {product}"
 
 
 def split_labels(text: str) -> list[str]:
