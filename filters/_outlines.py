@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from meshlab_svbrdf.geometry.mesh import Mesh
 from meshlab_svbrdf.geometry.raster import rasterise_depth
 from meshlab_svbrdf.samples.choose_frames import choose_frames
 from meshlab_svbrdf.samples.outline import Offset, outline_offset
+from meshlab_svbrdf.threads import thread_count
 
 LOOKED_AT = 12  # frames
 WIDE = 480  # pixels that frames are reduced to at least
@@ -28,8 +30,8 @@ def look_at_outlines(mesh: Mesh, rasters: list[RasterEntry]) -> tuple[dict[str, 
     Masks are looked at where there are any. None where the outline lies outside of all frames.
     """
     some = choose_frames([r.camera for r in rasters], mesh.center, mesh.radius, LOOKED_AT)
-    with Frames(rasters) as frames:
-        found = [_look(mesh, rasters[k], frames) for k in some]
+    with Frames(rasters) as frames, ThreadPoolExecutor(thread_count()) as pool:
+        found = list(pool.map(lambda k: _look(mesh, rasters[k], frames), some))
     seen = [(offset, diagonal) for offset, diagonal in found if offset is not None]
     if not seen:
         return None, ""

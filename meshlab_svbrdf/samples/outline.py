@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
+from scipy import fft
 
 SOFT = 1.5  # pixels, by which both are blurred first
 FAINT = 6.0  # codes per pixel: a gradient that counts half as an edge
@@ -57,8 +58,8 @@ def outline_offset(inverse_depth: np.ndarray, image: np.ndarray) -> Offset | Non
         edges = np.stack(channels)[np.abs(channels).argmax(0), *np.indices((height, width))]
     # Correlate, without wrapping around
     tall, wide = (int(REACH * size) for size in (height, width))
-    shape = height + tall, width + wide
-    product = np.fft.ifft2(np.fft.fft2(edges, shape) * np.conj(np.fft.fft2(outline, shape))).real
+    shape = fft.next_fast_len(height + tall), fft.next_fast_len(width + wide)
+    product = fft.ifft2(fft.fft2(edges, shape) * np.conj(fft.fft2(outline, shape))).real
     agreement = np.roll(product, (tall, wide), (0, 1))[: 2 * tall + 1, : 2 * wide + 1] / total
     row, col = np.unravel_index(np.argmax(agreement), agreement.shape)
     rows, cols = np.indices(agreement.shape)
@@ -72,7 +73,7 @@ def _edges(image: np.ndarray) -> np.ndarray:
     """(H, W) complex: length 0..1 by the gradient's, angle twice its; none along the border."""
     soft = cv2.GaussianBlur(image, (0, 0), SOFT)
     x, y = (cv2.Sobel(soft, cv2.CV_32F, *order, scale=1 / 8) for order in ((1, 0), (0, 1)))
-    squared = (x + 1j * y) ** 2
+    squared = (x + np.complex64(1j) * y) ** 2
     found = squared / (np.abs(squared) + FAINT**2)
     found[:3] = found[-3:] = found[:, :3] = found[:, -3:] = 0
     return found
