@@ -49,8 +49,10 @@ def read_curved_observations(
     """The samples with the surface's shape, and how fast the normals turn (T,), radians per radius:
     what a joint fit takes."""
     observations = read_observations(document, rays=rays)
-    texels = observations.texels
-    shape = surface_shape(texels.position, texels.normal)
+    texels, shape = observations.texels, document.held("texels")
+    if shape is None:
+        shape = surface_shape(texels.position, texels.normal)
+        document.hold("texels", shape)
     return replace(observations, shape=shape), steepest_turn(shape) * texels.radius
 
 

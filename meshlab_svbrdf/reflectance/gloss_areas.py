@@ -131,11 +131,14 @@ def patches(labels: np.ndarray, position: np.ndarray) -> tuple[np.ndarray, np.nd
     """
     inside = labels >= 0
     cell = 2 * float(np.linalg.norm(position, axis=1).max(initial=0)) / CELLS
-    place = np.floor(position[inside] / max(cell, 1e-30)).astype(np.int64)
-    key, own = np.unique(np.column_stack([labels[inside], place]), axis=0, return_inverse=True)
+    place = np.floor(position[inside] / max(cell, 1e-30)).astype(np.int64) + CELLS
+    key = labels[inside].astype(np.int64)
+    for axis in place.T:
+        key = key * (2 * CELLS + 1) + axis
+    key, own = np.unique(key, return_inverse=True)
     patch = np.full(len(labels), -1, np.int32)
-    patch[inside] = own.reshape(-1)
-    return patch, key[:, 0].astype(np.int32)
+    patch[inside] = own
+    return patch, (key // (2 * CELLS + 1) ** 3).astype(np.int32)
 
 
 def area_sums(lit: Lit, area: np.ndarray, of: np.ndarray, *, half: int = 0) -> np.ndarray:
