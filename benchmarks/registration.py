@@ -65,7 +65,7 @@ def tasks(films: Sequence[Case], photographs: Sequence[Case], cache: Path | None
     for case in films:
         for step in STEPS:
             for video in (False, True):
-                name = f"{'H.264' if video else 'images'}, every {step}."
+                name = f"{'H.264' if video else 'images'}, every {step}. frame"
                 make = partial(_film, case, step, video)
                 found.append(Task(PART, case.name, f"{FILM}: {name}", "first camera given", make))
         found.append(Task(PART, case.name, SEARCH, f"{TRIALS} trials", partial(_search, case)))

@@ -5,7 +5,7 @@ from importlib.resources import files
 
 import pytest
 
-from meshlab_svbrdf import commands, registry
+from meshlab_svbrdf import commands, commands_show, registry
 from meshlab_svbrdf.errors import SvbrdfError
 from meshlab_svbrdf.filter import INPUTS, Filter
 from meshlab_svbrdf.script import check_script, read_script
@@ -48,8 +48,8 @@ def test_what_the_shell_sets_exists():
     wanted = (
         commands.TEXTURE_SIZE.split("."),
         commands.MATERIALS.split("."),
-        (commands.RENDERING, "cameras"),
-        (commands.RENDERING, "folder"),
+        (commands_show.RENDERING, "cameras"),
+        (commands_show.RENDERING, "folder"),
     )
     for name, parameter in wanted:
         assert parameter in [p.name for p in registry.get(name).parameters]
