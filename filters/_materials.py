@@ -50,8 +50,8 @@ def cluster_at(points: np.ndarray, which: int, texels: Texels, labels: np.ndarra
     cluster = int(labels[pick(texels.position, points - texels.center)[which]])
     if cluster < 0:
         raise SvbrdfError(
-            f"the object is unobserved at {points[which].tolist()}, and belongs to no cluster there: "
-            "pick another point"
+            f"the object is unobserved at {points[which].tolist()}, and belongs to no cluster "
+            "there: pick another point"
         )
     return cluster
 

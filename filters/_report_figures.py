@@ -22,8 +22,8 @@ from ._report_pictures import missing, shown, side_name, sides, swatch
 BLUE = "#3a6ea5"
 EXPOSURES = {"none": "not told", "exif": "from EXIF", "raster": "told in the project"}
 EVIDENCE = (
-    "z: ρs over its standard error. Interval of ln α: how far ln α may move before the fit is clearly "
-    "worse, so 0.1 is an α known to about 10 %. –: not known, or nothing to tell of it."
+    "z: ρs over its standard error. Interval of ln α: how wide the span of ln α is in "
+    "which the fit is about as good; of 0.1, α is known to 10 % across. –: not known."
 )
 WIDEST = 60.0
 """Degrees from the mirror direction at which lobes end in the plot."""

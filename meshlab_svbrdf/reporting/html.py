@@ -61,7 +61,8 @@ svg text { font: 11px system-ui, sans-serif; fill: var(--dim); }
   h2, h2 + p, h3 { break-after: avoid; } tr { break-inside: avoid; }
   .grid { grid-template-columns: 1fr 1fr; }
   .strip { grid-template-columns: repeat(auto-fit, minmax(27mm, 1fr)); }
-  .wide { overflow: visible; background: none; } table { font-size: 7.5pt; } th { white-space: normal; }
+  .wide { overflow: visible; background: none; }
+  table { font-size: 7.5pt; } th { white-space: normal; }
   td.long { min-width: 0; }
   * { -webkit-print-color-adjust: exact; print-color-adjust: exact; }
 }
