@@ -268,9 +268,9 @@ def write_account(
 
 
 def _converted(material: dict[str, Any]) -> dict[str, Any]:
-    """A material's entry in materials.json, with its lobe as GGX."""
+    """A material's entry in materials.json, with its lobe as GGX; no colour of an unseen one."""
     if material["rho_s_lobe"] is None:
-        return material
+        return material | {"specular_color": None}
     ggx = ggx_of_phong(material["rho_s_lobe"], material["alpha_lobe"])
     return material | {
         "ggx": {

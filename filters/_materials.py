@@ -44,13 +44,14 @@ def read_labels(document: Document) -> np.ndarray:
     return document.attribute("material").astype(np.int32)
 
 
-def cluster_at(point: np.ndarray, texels: Texels, labels: np.ndarray) -> int:
-    """The cluster at a point (3,) of the world; SvbrdfError where there is none."""
-    cluster = int(labels[pick(texels.position, point - texels.center)])
+def cluster_at(points: np.ndarray, which: int, texels: Texels, labels: np.ndarray) -> int:
+    """The cluster at one of points (S, 3) of the world; SvbrdfError where there is none, or where
+    any of the points is off the object."""
+    cluster = int(labels[pick(texels.position, points - texels.center)[which]])
     if cluster < 0:
         raise SvbrdfError(
-            f"the object is unobserved at {point.tolist()}, and belongs to no cluster there: "
-            "pick another point"
+            f"the object is unobserved at {points[which].tolist()}, and belongs to no cluster "
+            "there: pick another point"
         )
     return cluster
 

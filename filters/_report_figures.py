@@ -17,10 +17,14 @@ from meshlab_svbrdf.samples.luminance import decode
 
 from ._materials import read_names
 from ._matte import matte_texels
-from ._report_pictures import missing, shown, sides, swatch
+from ._report_pictures import missing, shown, side_name, sides, swatch
 
 BLUE = "#3a6ea5"
 EXPOSURES = {"none": "not told", "exif": "from EXIF", "raster": "told in the project"}
+EVIDENCE = (
+    "z: ρs over its standard error. Interval of ln α: how wide the span of ln α is in "
+    "which the fit is about as good; of 0.1, α is known to 10 % across. –: not known."
+)
 WIDEST = 60.0
 """Degrees from the mirror direction at which lobes end in the plot."""
 
@@ -80,15 +84,19 @@ def materials(document: Document) -> Html:
     rows, lobes = [], []
     theta = np.linspace(0, WIDEST, 200)
     for m in found:
-        color = colors.get(m["id"], np.zeros(3, np.uint8))
+        color, seen = colors.get(m["id"], np.zeros(3, np.uint8)), m["observed"]
         model = m.get("reflectance")
         rows.append(
             (
                 join([swatch(color), f"{m['id']} {names.get(m['id'], '')}"]),
                 f"{m['texels']:,}", _number(m["rho_s"], ".4f"), _number(m["alpha"], ".2f"),
-                _vector(m["specular_color"]), _number(m.get("explained_variance"), ".3f"),
-                _number(m.get("z"), ".0f"), _number(m.get("ln_alpha_interval"), ".2f"),
-                m["reason"] if not m["observed"] else
+                *(
+                    (
+                        _vector(m["specular_color"]), _number(m.get("explained_variance"), ".3f"),
+                        _number(m.get("z"), ".0f"), _number(m.get("ln_alpha_interval"), ".2f"),
+                    ) if seen else "––––"
+                ),
+                m["reason"] if not seen else
                 f"observed; {model['model']} describes it better" if model else "observed",
             )
         )  # fmt: skip
@@ -114,7 +122,7 @@ def materials(document: Document) -> Html:
         )  # fmt: skip
     return section(
         title, note(f"Estimator: {told['estimator']}. As seen, under lights of mean gain 1."),
-        table(heads, rows, 8), tag("div", *plots, class_="grid"),
+        table(heads, rows, 8), note(EVIDENCE), tag("div", *plots, class_="grid"),
     )  # fmt: skip
 
 
@@ -144,8 +152,8 @@ def coverage(document: Document) -> Html:
         if name == "frames":
             worn = matte_texels(document, decode(viridis(values / known.max()) / 255))
             views += [
-                picture(shown(worn, camera), f"{words}, 0 to {known.max():g}")
-                for camera in sides(document)[::2]
+                picture(shown(worn, camera), f"{side_name(k)}: {words}, 0 to {known.max():g}")
+                for k, camera in list(enumerate(sides(document)))[::2]
             ]
             lines.append(f"{100 * (values > 0).mean():.1f} % of the texels are seen in some frame")
     if document.has("threshold"):
@@ -170,7 +178,7 @@ def residuals(document: Document) -> Html:
         values = np.array([_float(frame.get(key)) for frame in used])
         if np.isfinite(values).any():
             drawn = chart([Series(at, values, BLUE, "dots")], "frame, in order", words)
-            plots.append(figure(drawn, f"{words} per frame: median {np.nanmedian(values):.4g}"))
+            plots.append(figure(drawn, f"{words} per frame: median {_median(values)}"))
     if told["gains_fitted"]:
         gains = np.array([frame["gain"] for frame in used], float)
         series = [
@@ -224,6 +232,11 @@ def _css(color: np.ndarray) -> str:
 
 def _vector(values: Any) -> str:
     return ", ".join(f"{v:.3f}" for v in values)
+
+
+def _median(values: np.ndarray) -> str:
+    median = np.nanmedian(values)
+    return f"{median:,.0f}" if median >= 1000 else f"{median:.4g}"
 
 
 def _number(value: float | None, form: str) -> str:

@@ -60,9 +60,7 @@ def object_views(document: Document) -> Html:
     else:
         lit = matte(mesh, document.map("diffuse"))
         words = "Its diffuse colour; highlights were not estimated."
-    turned = [
-        picture(shown(lit, camera), f"{360 * k // SIDES}°") for k, camera in enumerate(cameras)
-    ]
+    turned = [picture(shown(lit, camera), side_name(k)) for k, camera in enumerate(cameras)]
     parts = []
     for name, caption in (
         ("diffuse", "diffuse colour"), ("albedo", "albedo"), ("materials_shown", "materials"),
@@ -171,6 +169,11 @@ def swatch(color: np.ndarray) -> Html:
     """A small square of a colour (3,) uint8."""
     code = "#" + "".join(f"{int(c):02x}" for c in color)
     return tag("span", class_="swatch", style=f"background:{code}")
+
+
+def side_name(k: int) -> str:
+    """What the k-th of `sides` is called."""
+    return f"{360 * k // SIDES}°"
 
 
 def sides(document: Document) -> list[Camera]:

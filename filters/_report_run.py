@@ -24,7 +24,11 @@ def facts(document: Document) -> Html:
     """The result in a few numbers."""
     told: list[tuple[str, str]] = []
     rasters, held = len(document.project.rasters), len(document.held_out)
-    told.append(("frames", f"{rasters:,}" + (f", {held} held out" if held else "")))
+    count = f"{rasters:,}"
+    if document.has_json("frames"):
+        used = sum("samples" in frame for frame in document.json("frames")["frames"])
+        count = count if used == rasters else f"{used:,} of {count}"
+    told.append(("frames", count + (f", {held} held out" if held else "")))
     if document.has("texels"):
         told.append(("texels", f"{len(document.array('texels_face', mmap=True)):,}"))
     if document.has("diffuse"):

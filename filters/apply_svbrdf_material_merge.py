@@ -35,8 +35,8 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
         raise SvbrdfError(
             f"ids is {parameters.ids!r}, expected whole numbers, such as 0 3 5"
         ) from None
-    for point in parameters.points:
-        ids.append(cluster_at(point, texels, labels))
+    points = parameters.points
+    ids += [cluster_at(points, k, texels, labels) for k in range(len(points))]
     ids = list(dict.fromkeys(ids))
     if len(ids) < 2:
         raise SvbrdfError(f"merging needs two clusters or more, and {ids or 'none'} was named")

@@ -50,7 +50,7 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
         if len(stroke) < 2:
             raise SvbrdfError("a stroke needs two points or more")
         if cluster < 0:
-            cluster = cluster_at(stroke[len(stroke) // 2], texels, labels)
+            cluster = cluster_at(stroke, len(stroke) // 2, texels, labels)
         edit = Split(cluster, stroke)
         what = f"cluster {cluster} split; "
     return what + apply_edits(document, [edit], progress)

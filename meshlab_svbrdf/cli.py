@@ -333,7 +333,10 @@ def render(
         float | None, typer.Option(help="Degrees, of the lamps: soft shadows.")
     ] = None,
     preview: Annotated[
-        bool, typer.Option("--preview", help="A quarter of the size, one ray a pixel: at once.")
+        bool,
+        typer.Option(
+            "--preview", help="A quarter of the size (320 pixels or more), one ray a pixel."
+        ),
     ] = False,
     as_json: AsJson = False,
 ) -> None:

@@ -149,6 +149,9 @@ def info(project: Path, as_json: bool) -> None:
         for product, state in told["products"].items():
             if state["state"] != CURRENT:
                 typer.echo(f"stale    {product}: run {state['filter']} again")
+        gloss = told["products"].get("material_specular", {"state": CURRENT})["state"]
+        if told["materials"] and gloss != CURRENT:
+            typer.echo(f"the gloss below is {gloss}, and not of the object as it is now")
         for material in told["materials"]:
             typer.echo(_material_line(material))
 

@@ -42,13 +42,17 @@ def finished(project) -> None:
 
 
 def test_results_come_first(ran, small_project, tmp_path):
-    for command in ("render", "compare"):
-        result = shell(command, small_project, "-o", tmp_path / "out")
+    before = sorted(small_project.parent.rglob("*"))
+    for command, out in (("render", "out"), ("compare", "out"), ("report", "r.html")):
+        result = shell(command, small_project, "-o", tmp_path / out)
         assert result.exit_code == 1
         assert f"no results to {command}" in result.stderr
     assert not ran
+    assert sorted(small_project.parent.rglob("*")) == before
+    with Document.open(small_project).write("texels"):
+        pass
     assert shell("report", small_project, "-o", tmp_path / "r.html").exit_code == 0
-    assert ran[0][0] == REPORT  # what is missing is said there
+    assert ran[0][0] == REPORT  # which later stages are missing is said there
     assert ran[0][1]["file"] == tmp_path / "r.html"
 
 
@@ -70,7 +74,29 @@ def test_rendering_takes_cameras_a_path_and_a_preview(ran, small_project, tmp_pa
     assert (given["video"], given["folder"]) == (film, None)
     assert (given["path"], given["frames"], given["elevation"]) == ("turntable", 9, 30)
     assert given["distance"] > 0
-    assert (given["size"], given["supersampling"], given["lamp_radius"]) == (0.25, 1, 2)
+    camera = Document.open(small_project).project.rasters[0].camera
+    size = min(max(0.25, 320 / max(camera.width, camera.height)), 1)
+    assert (given["size"], given["supersampling"], given["lamp_radius"]) == (size, 1, 2)
+
+
+@pytest.mark.parametrize(
+    ("out", "words", "said"),
+    [
+        ("a.avi", (), "films are .mp4"),
+        ("a.GIF", (), "films are .mp4"),
+        ("views", ("--frames", 5), "--frames is of a path: give --path"),
+        ("views", ("--elevation", 5), "--elevation is of a turntable"),
+        ("a.mp4", ("--path", "smooth", "--distance", 5), "--distance is of a turntable"),
+        ("views", ("--exposure", 1), "--environment, --lights or --recovered"),
+    ],
+)
+def test_what_would_be_ignored_is_refused(ran, small_project, tmp_path, out, words, said):
+    finished(small_project)
+    result = shell("render", small_project, "-o", tmp_path / out, *words)
+    assert result.exit_code == 1
+    assert said in result.stderr
+    assert not ran
+    assert not (tmp_path / out).exists()
 
 
 def test_other_light_makes_the_albedo_first_unless_it_is_there(ran, small_project, tmp_path):

@@ -5,8 +5,8 @@
 
 `position` is the world's and wins over `direction`, which is enough for a far light; `gain` and
 `color` are 1 where they are left out. Scenes that describe their "emitters" in the same way, with a
-"phong_intensity" per channel, an "ambient_radiance" and positions in object radii from the centre,
-are read too.
+"phong_intensity" per channel and an "ambient_radiance" are read too; their positions are in object
+radii from the centre, unless "units" begins with "positions in world units".
 """
 
 from __future__ import annotations
@@ -47,9 +47,13 @@ def read_light_file(path: str | Path) -> LightFile:
     entries = told.get("lights", told.get("emitters"))
     if not isinstance(entries, list) or not entries:
         raise DocumentError(f'{path}: expected {{"lights": [...]}} with at least one light')
-    in_radii = "emitters" in told
+    emitters = "lights" not in told
+    in_radii = emitters and not str(told.get("units", "")).startswith("positions in world units")
     ambient = _vector(told, "ambient" if "ambient" in told else "ambient_radiance", str(path))
     lamps = [_light(entry, f"{path}: light {k}", in_radii) for k, entry in enumerate(entries)]
+    for k, entry in enumerate(entries if emitters else ()):
+        if entry.get("phong_intensity") is None:
+            raise DocumentError(f"{path}: light {k}: an emitter needs its phong_intensity")
     return LightFile(lamps, np.zeros(3) if ambient is None else np.maximum(ambient, 0))
 
 

@@ -41,16 +41,16 @@ def merge(labels: np.ndarray, ids: Iterable[int]) -> np.ndarray:
     return np.where(np.isin(labels, ids), ids[0], labels).astype(np.int32)
 
 
-def pick(positions: np.ndarray, point: np.ndarray) -> int:
-    """The texel nearest to a point (3,) on the object, in the frame of `positions` (T, 3).
+def pick(positions: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """The texels (S,) nearest to points (S, 3) on the object, in the frame of `positions` (T, 3).
 
-    Raises SvbrdfError when the point is farther from it than 10 texel spacings.
+    Raises SvbrdfError, with its number, for a point farther from it than 10 texel spacings.
     """
-    return pick_on(SurfaceGraph(positions, positions), point)
+    return _on_object(SurfaceGraph(positions, positions), np.asarray(points, float))
 
 
 def pick_on(surface: SurfaceGraph, point: np.ndarray) -> int:
-    """`pick` on a surface that is kept."""
+    """`pick` of one point (3,) on a surface that is kept."""
     return int(_on_object(surface, np.reshape(point, (1, 3)))[0])
 
 

@@ -36,7 +36,12 @@ p { margin: .4rem 0; max-width: 46rem; }
 figure { margin: 0; break-inside: avoid; }
 figure img, figure svg { display: block; width: 100%; height: auto; }
 figcaption { font-size: .82rem; color: var(--dim); margin-top: .2rem; }
-.wide { overflow-x: auto; margin: .6rem 0; }
+/* A shadow at an edge beyond which a table goes on */
+.wide { overflow-x: auto; margin: .6rem 0; background:
+  linear-gradient(90deg, #fff 30%, #fff0) 0 0 / 2.5rem 100% no-repeat local,
+  linear-gradient(270deg, #fff 30%, #fff0) 100% 0 / 2.5rem 100% no-repeat local,
+  linear-gradient(90deg, #0004, #0000) 0 0 / .8rem 100% no-repeat scroll,
+  linear-gradient(270deg, #0004, #0000) 100% 0 / .8rem 100% no-repeat scroll; }
 table { border-collapse: collapse; font-size: .86rem; font-variant-numeric: tabular-nums; }
 th, td { padding: .28rem .7rem .28rem 0; text-align: left; vertical-align: top;
   border-bottom: 1px solid var(--line); white-space: nowrap; }
@@ -56,7 +61,8 @@ svg text { font: 11px system-ui, sans-serif; fill: var(--dim); }
   h2, h2 + p, h3 { break-after: avoid; } tr { break-inside: avoid; }
   .grid { grid-template-columns: 1fr 1fr; }
   .strip { grid-template-columns: repeat(auto-fit, minmax(27mm, 1fr)); }
-  .wide { overflow: visible; } table { font-size: 7.5pt; } th { white-space: normal; }
+  .wide { overflow: visible; background: none; }
+  table { font-size: 7.5pt; } th { white-space: normal; }
   td.long { min-width: 0; }
   * { -webkit-print-color-adjust: exact; print-color-adjust: exact; }
 }

@@ -43,6 +43,8 @@ def test_a_scenes_form(tmp_path):
     assert found.lamps[0].in_radii
     np.testing.assert_array_equal(found.lamps[0].color, [2, 2, 1])
     np.testing.assert_array_equal(found.ambient, [0.05] * 3)
+    told["units"] = "positions in world units, distances in object radii"
+    assert not read_light_file(written(tmp_path, told)).lamps[0].in_radii
 
 
 @pytest.mark.parametrize(
@@ -52,6 +54,7 @@ def test_a_scenes_form(tmp_path):
         ("[]", "at least one light"),
         ({"lights": []}, "at least one light"),
         ({"lights": [3]}, "light 0: expected an object"),
+        ({"emitters": [{"position": [0, 2, 0]}]}, "light 0: an emitter needs its phong_intensity"),
         ({"lights": [{}]}, "light 0: expected a direction"),
         ({"lights": [{"direction": [0, 0, 0]}]}, "light 0: expected a direction"),
         ({"lights": [{"direction": [0, 1]}]}, "direction is .* expected three numbers"),

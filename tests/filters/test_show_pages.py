@@ -113,6 +113,8 @@ def test_what_cannot_be_compared_is_said(result, tmp_path):
     label = result.project.rasters[0].label
     with pytest.raises(SvbrdfError, match=f"no raster '{label}x', did you mean '{label}'"):
         result.apply(COMPARE, frames=f"{label}x", folder=tmp_path / "x")
+    with pytest.raises(SvbrdfError, match=r"there are \d+, as in MeshLab's list: .*, …"):
+        result.apply(COMPARE, frames="nosuch", folder=tmp_path / "x")
     assert not (tmp_path / "x").exists()
 
 

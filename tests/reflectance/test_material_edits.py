@@ -197,9 +197,9 @@ def test_split_of_an_unknown_material(globe, cluster):
 def test_pick_is_the_nearest_texel(globe):
     position = globe[0]
     for texel in (0, 4321, 7999):
-        assert pick(position, position[texel] * 1.001) == texel
-    with pytest.raises(SvbrdfError, match="off the object"):
-        pick(position, [2.0, 0, 0])
+        assert pick(position, position[[texel]] * 1.001) == texel
+    with pytest.raises(SvbrdfError, match=r"point 1 .* off the object"):
+        pick(position, [position[0], [2.0, 0, 0]])
     with pytest.raises(SvbrdfError, match="no texels"):
-        pick(position[:0], [0.0, 0, 0])
-    assert pick(position[:1], position[0]) == 0
+        pick(position[:0], [[0.0, 0, 0]])
+    assert pick(position[:1], position[:1]) == 0
