@@ -72,9 +72,9 @@ def chosen_frames(document: Document, labels: str, most: int) -> tuple[list[Rast
     for label in wanted:
         if label not in rasters:
             close = difflib.get_close_matches(label, list(rasters), 1)
-            some = ", ".join(list(rasters)[:3]) + (", …" if len(rasters) > 3 else "")
+            first = ", ".join(list(rasters)[:3]) + (", …" if len(rasters) > 3 else "")
             hint = f", did you mean {close[0]!r}?" if close else ""
-            hint += f"; there are {len(rasters)}, as in MeshLab's list: {some}"
+            hint += f"; there are {len(rasters)}, as in MeshLab's list: {first}"
             raise SvbrdfError(f"frames: there is no raster {label!r}{hint}")
     if wanted:
         return [rasters[label] for label in wanted], "as asked for"
