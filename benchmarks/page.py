@@ -134,7 +134,8 @@ def _since(began: tuple[float, float]) -> tuple[float, float]:
 
 
 @contextmanager
-def _served(session: Session) -> Iterator[PageServer]:
+def serving(session: Session) -> Iterator[PageServer]:
+    """The page, served from a thread of its own."""
     with PageServer(session) as server:
         thread = Thread(target=server.serve_forever)
         thread.start()
@@ -148,7 +149,7 @@ def _served(session: Session) -> Iterator[PageServer]:
 def _asked(session: Session) -> Took:
     took: Took = {}
     with (
-        _served(session) as server,
+        serving(session) as server,
         closing(http.client.HTTPConnection(HOST, server.server_port)) as line,
     ):
         headers = {"X-Svbrdf": "1", "Cookie": f"{server.cookie}={server.token}"}
@@ -201,7 +202,7 @@ def _clicked(session: Session) -> Took:
     from playwright.sync_api import sync_playwright
 
     took: Took = {}
-    with _served(session) as server, sync_playwright() as player:
+    with serving(session) as server, sync_playwright() as player:
         began = time.perf_counter()
         browser = player.chromium.launch(executable_path=_chromium(), args=[
             "--headless", "--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader",

@@ -16,7 +16,7 @@ import numpy as np
 from meshlab_svbrdf.geometry.camera import Camera
 from meshlab_svbrdf.rendering.environment_lights import Illumination
 
-mi.set_variant("llvm_ad_rgb")
+from ..peers.mitsuba_scene import sensor  # sets the variant
 
 SAMPLES = 64
 
@@ -84,7 +84,7 @@ def render(
     loaded = mi.load_dict(scene)
     found = []
     for k, camera in enumerate(cameras):
-        image = np.array(mi.render(loaded, sensor=_sensor(camera), spp=SAMPLES, seed=k))
+        image = np.array(mi.render(loaded, sensor=sensor(camera), spp=SAMPLES, seed=k))
         found.append((image[..., :3].astype(float), image[..., 3].astype(float)))
     return found
 
@@ -108,26 +108,3 @@ def _library(path: Path) -> dict[str, str]:
     """The first material of an MTL, by its words."""
     text = path.read_text().split("newmtl ")[1]
     return dict(line.split(" ", 1) for line in text.splitlines()[1:] if " " in line)
-
-
-def _sensor(camera: Camera) -> mi.Sensor:
-    """Mitsuba's camera: its axes are left, up, forward."""
-    middle = np.array([camera.width, camera.height]) / 2
-    off = (middle - 0.5 - [camera.cx, camera.cy]) / (2 * middle)
-    pose = np.eye(4)
-    pose[:3, :3] = np.stack([-camera.R[0], -camera.R[1], camera.R[2]], 1)
-    pose[:3, 3] = camera.center
-    return mi.load_dict(
-        {
-            "type": "perspective",
-            "fov": float(np.degrees(2 * np.arctan(middle[0] / camera.fx))),
-            "principal_point_offset_x": float(off[0]),
-            "principal_point_offset_y": float(off[1]),
-            "to_world": mi.ScalarTransform4f(pose),
-            "film": {
-                "type": "hdrfilm", "width": camera.width, "height": camera.height,
-                "pixel_format": "rgba", "rfilter": {"type": "box"},
-            },
-            "sampler": {"type": "multijitter"},
-        }
-    )  # fmt: skip

@@ -4,22 +4,20 @@ What is saved is compared with the clusters that the filters make of the same ed
 """
 
 import shutil
-from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from threading import Thread
 
 import numpy as np
 import pytest
 from totems import DIFFUSE, WALK, copied, film, run, sized
 
+from benchmarks.page import serving
 from meshlab_svbrdf.document.document import Document
 from meshlab_svbrdf.filters._materials import read_edits, read_names
 from meshlab_svbrdf.reflectance.edit import merge
 from meshlab_svbrdf.reflectance.material_edits import Split, perform
 from meshlab_svbrdf.viewing.picking import hits
 from meshlab_svbrdf.viewing.scene import Scene
-from meshlab_svbrdf.viewing.server import PageServer
 from meshlab_svbrdf.viewing.session import Session
 from meshlab_svbrdf.viewing.shots import lens, raster
 
@@ -42,18 +40,6 @@ def browser():
         chromium = player.chromium.launch(executable_path=CHROMIUM, args=list(ARGUMENTS))
         yield chromium
         chromium.close()
-
-
-@contextmanager
-def serving(session):
-    with PageServer(session) as server:
-        thread = Thread(target=server.serve_forever)
-        thread.start()
-        try:
-            yield server
-        finally:
-            server.shutdown()
-            thread.join()
 
 
 @pytest.fixture
