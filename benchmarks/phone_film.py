@@ -17,12 +17,12 @@ from pathlib import Path
 import av
 import cv2
 import numpy as np
-from numba import njit
 from scipy.spatial.transform import Rotation
 
 from meshlab_svbrdf.geometry.camera import Camera
 from meshlab_svbrdf.geometry.lens import Lens
 from meshlab_svbrdf.geometry.mesh import Mesh
+from meshlab_svbrdf.jit import kernel
 
 BOX = np.array([190.0, 270.0, 70.0])  # mm
 ROOM = np.array([3000.0, 2400.0, 3600.0])
@@ -305,7 +305,7 @@ def _clutter(rng: np.random.Generator, things: int, spread: int) -> np.ndarray:
     return wall
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _shoot(rays, breath, R, C, boxes, prints, sizes, lamp, light):
     """Add what each pixel sees to `light` (h, w, 3), linear; box 1 is seen from within.
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from .jit import kernel
 
 FAST = {"nsz", "arcp", "contract", "reassoc"}
 """Sums may be taken in lanes; what is not a number stays so."""
@@ -22,7 +23,7 @@ _EXP2 = np.array(
 )  # fmt: skip
 
 
-@njit(cache=True, nogil=True, fastmath=FAST)
+@kernel(fastmath=FAST)
 def ln(x):
     """Natural logarithm of x > 0, float32, to 2e-7 of itself (Cephes' polynomial)."""
     # Part the number into 2^e (1 + f), √½ ≤ 1 + f < √2
@@ -35,7 +36,7 @@ def ln(x):
     return f + f * f * (f * p - np.float32(0.5)) + np.float32(e) * np.float32(0.6931471806)
 
 
-@njit(cache=True, nogil=True, fastmath=FAST)
+@kernel(fastmath=FAST)
 def exp(x):
     """e^x, float32, to 1e-7 (1 + |x|) of itself (Cephes' polynomial); never less than 1e-38."""
     x = max(np.float32(x) * np.float32(1.4426950409), np.float32(-126))

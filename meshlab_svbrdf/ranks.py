@@ -6,12 +6,12 @@ numpy's own, within a kernel, sort by branches that no processor predicts, and c
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from .jit import kernel
 from .power import LANES
 
 
-@njit(cache=True, nogil=True, fastmath=LANES)
+@kernel(fastmath=LANES)
 def _at_most(values, bound):
     """How many are at most the bound (of up to 2²⁴, counted in lanes of single precision)."""
     count = np.float32(0)
@@ -20,7 +20,7 @@ def _at_most(values, bound):
     return np.int64(count)
 
 
-@njit(cache=True, nogil=True, fastmath=LANES)
+@kernel(fastmath=LANES)
 def _largest(values, bound):
     """The largest that is at most the bound."""
     found = np.float32(-np.inf)
@@ -29,7 +29,7 @@ def _largest(values, bound):
     return found
 
 
-@njit(cache=True, nogil=True, fastmath=LANES)
+@kernel(fastmath=LANES)
 def _least_above(values, bound):
     """The least that is above the bound."""
     found = np.float32(np.inf)
@@ -38,7 +38,7 @@ def _least_above(values, bound):
     return found
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _ranked(values, rank):
     """The value of a rank from 1, and how many are at most that."""
     low, high = _least_above(values, np.float32(-np.inf)), _largest(values, np.float32(np.inf))
@@ -59,7 +59,7 @@ def _ranked(values, rank):
     return _largest(values, high), within
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def quantile(values, share):
     """The quantile of finite values (n,) float32, n ≥ 1, as numpy's: linear between two ranks."""
     place = share * (len(values) - 1)

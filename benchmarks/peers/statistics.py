@@ -11,9 +11,9 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from numba import njit
 
 from meshlab_svbrdf.filters._stages import read_observations
+from meshlab_svbrdf.jit import kernel
 from meshlab_svbrdf.samples.observations import Observations, color
 from meshlab_svbrdf.samples.store import Block
 
@@ -24,7 +24,7 @@ QUANTILES = {"mean": -1.0, "median": 0.5, "quantile": 0.25}
 CAPTURING = ("compute_svbrdf_texels", "compute_svbrdf_samples")
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _statistic(block, view, level, out):
     """The mean (level < 0) or a quantile, linearly interpolated, of each texel's samples."""
     longest = 0

@@ -18,9 +18,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from ..errors import SvbrdfError
+from ..jit import kernel
 from ..threads import thread_count
 
 COPIED = 64 << 20  # bytes per thread and copy: beyond the caches
@@ -51,7 +51,7 @@ def machine() -> dict[str, float]:
     }
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _multiply_add(rounds, x):
     a = b = c = d = e = f = g = h = x
     for _ in range(rounds):

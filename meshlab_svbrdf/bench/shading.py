@@ -7,17 +7,18 @@ texture size, and is the same expression that the frames are shaded by.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from ..jit import kernel
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _wave(x):
     """Nearly a sine of period 1, of parabolas: a tenth of a sine's time."""
     t = x - np.floor(x + 0.5)
     return t * (8.0 - 16.0 * abs(t))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _paint(x, y, z, colours, albedo):
     """Write the albedo at a place; its material."""
     height = y + 0.16 * _wave(0.64 * x) * _wave(0.64 * z + 0.25)
@@ -30,7 +31,7 @@ def _paint(x, y, z, colours, albedo):
     return material
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _lamp(k, p, n, lamps, toward):
     """Write the unit direction to a lamp; intensity and cosine at a place."""
     square = 0.0
@@ -45,7 +46,7 @@ def _lamp(k, p, n, lamps, toward):
     return lamps[k, 3] / square, cosine
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _interpolate(values, corners, weights, out):
     for c in range(out.shape[0]):
         out[c] = (
@@ -55,13 +56,13 @@ def _interpolate(values, corners, weights, out):
         )
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _unit(v):
     length = np.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
     v[0], v[1], v[2] = v[0] / length, v[1] / length, v[2] / length
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _diffuse(p, n, seen, lamps, ambient, colours, albedo, toward, out):
     """Write D at a place (albedo times what it receives); its material."""
     material = _paint(p[0], p[1], p[2], colours, albedo)
@@ -75,7 +76,7 @@ def _diffuse(p, n, seen, lamps, ambient, colours, albedo, toward, out):
     return material
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def texel_diffuse(vertices, normals, seen, faces, face, weights, lamps, ambient, colours, D, kind):
     p, n, s = np.empty(3), np.empty(3), np.empty(lamps.shape[0])
     albedo, toward = np.empty(3), np.empty(3)
@@ -88,7 +89,7 @@ def texel_diffuse(vertices, normals, seen, faces, face, weights, lamps, ambient,
         kind[i] = _diffuse(p, n, s, lamps, ambient, colours, albedo, toward, D[i])
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def shade(
     face_index, points, vertices, normals, seen, faces, intrinsics, eye,
     lamps, ambient, colours, rho_s, alpha, background, to_code, noise, shift, gloss, out,

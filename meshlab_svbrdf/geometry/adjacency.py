@@ -6,11 +6,12 @@ spacing      how far texels are apart  thin         a subset that covers the sur
 
 from __future__ import annotations
 
-import numba as nb
 import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
+
+from ..jit import kernel
 
 # Generally don't change these: a square grid has its diagonal at 1.4 spacings and a seam between
 # two charts puts a texel at most about 2 away; k = 8 is a square's ring.
@@ -126,7 +127,7 @@ def _symmetrise(
     return indptr, indices
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def _touch(distance, index, limit, normal, touches):
     for i in range(index.shape[0]):
         for c in range(index.shape[1]):
@@ -138,7 +139,7 @@ def _touch(distance, index, limit, normal, touches):
                 touches[i, c] = facing > 0
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def _enter(index, touches, cursor, indices):
     """Write the edges where the cursors of their texels stand; only count where there is no room.
 

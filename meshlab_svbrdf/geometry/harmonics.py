@@ -14,7 +14,8 @@ from __future__ import annotations
 from math import factorial, pi, sqrt
 
 import numpy as np
-from numba import njit
+
+from ..jit import kernel
 
 BANDS = 6
 COEFFICIENTS = BANDS**2
@@ -31,7 +32,7 @@ def _norm(l: int, m: int) -> float:
 ) = (_norm(l, m) for l in range(BANDS) for m in range(l + 1))  # fmt: skip
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _legendre(z):
     """Normalised P_lm(z) / sin^m, at l(l + 1)/2 + m."""
     zz = z * z
@@ -60,7 +61,7 @@ def _legendre(z):
     )
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _azimuth(x, y):
     """C_0 … C_5 and S_0 … S_5."""
     c2 = x * x - y * y
@@ -99,7 +100,7 @@ def basis(directions: np.ndarray, bands: int = BANDS) -> np.ndarray:
     return out
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def evaluate(k, x, y, z):
     """Σ k_lm Y_lm of one unit direction; k (36,); for other kernels.
 
@@ -129,7 +130,7 @@ FACTORS = np.array(
 """What stands before the polynomials of `_legendre`, at l(l + 1)/2 + m."""
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def scale_coefficients(k, out):
     """k_lm times the factor that stands before Y_lm, for `evaluate_all`, to out (36,)."""
     for l in range(BANDS):
@@ -139,7 +140,7 @@ def scale_coefficients(k, out):
             out[l * (l + 1) + m] = k[l * (l + 1) + m] * factor
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nsz"})
+@kernel(fastmath={"contract", "nsz"})
 def evaluate_all(k, x, y, z, out):
     """`evaluate` for n directions, float32, as loops that the compiler makes vectors of.
 

@@ -8,8 +8,8 @@ filled in homogeneous image coordinates (Olano and Greer 1997), which need no cl
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from ..jit import kernel
 from .camera import Camera
 
 _NEAR = 1e-9  # depth, in world units, at which a corner counts as behind the camera
@@ -18,7 +18,7 @@ SMALL = 16  # pixels wide and high, below which a face is small: float32 will do
 _WIDE = 1e7  # pixels; farther out the edges' double precision gives out
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def project_vertices(vertices, R, t, fx, fy, cx, cy, out):
     """Columns, rows and 1/z of vertices (V, 3) to `out` (V, 3) float64; 1/z = 0 is behind."""
     for i in range(len(vertices)):
@@ -33,7 +33,7 @@ def project_vertices(vertices, R, t, fx, fy, cx, cy, out):
         out[i, 0], out[i, 1], out[i, 2] = u, v, w if abs(u) < _WIDE and abs(v) < _WIDE else 0.0
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _put(inverse_depth, face_index, row, col, w, f):
     if w > inverse_depth[row, col]:
         inverse_depth[row, col] = w
@@ -41,12 +41,12 @@ def _put(inverse_depth, face_index, row, col, w, f):
             face_index[row, col] = f
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _cross(a, b):
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _fill_homogeneous(a, b, c, f, inverse_depth, face_index):
     """Fill one face whose corners, homogeneous (u z, v z, z), may lie behind the camera."""
     height, width = inverse_depth.shape
@@ -66,7 +66,7 @@ def _fill_homogeneous(a, b, c, f, inverse_depth, face_index):
                 _put(inverse_depth, face_index, row, col, w0 + w1 + w2, f)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _prepare(corners, edges, depth):
     """Edge functions and depth of small faces: a loop that the compiler makes eight faces wide.
 
@@ -99,7 +99,7 @@ def _prepare(corners, edges, depth):
         least[k], most[k] = min(min(w01[k], w02[k]), zero), max(max(w01[k], w02[k]), zero)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _fill_small(corners, edges, depth, box, face, count, inverse_depth, face_index):
     """Test every pixel of the first `count` of some small faces' boxes (4, N)."""
     for k in range(count):
@@ -118,7 +118,7 @@ def _fill_small(corners, edges, depth, box, face, count, inverse_depth, face_ind
                     _put(inverse_depth, face_index, top + row, left + col, w, face[k])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _fill_rows(u0, v0, w0, u1, v1, w1, u2, v2, w2, f, inverse_depth, face_index):
     """Fill a face row by row, each edge a bound of the columns from the left or the right."""
     height, width = inverse_depth.shape
@@ -140,7 +140,7 @@ def _fill_rows(u0, v0, w0, u1, v1, w1, u2, v2, w2, f, inverse_depth, face_index)
             _put(inverse_depth, face_index, row, col, min(max(start + du * col, least), most), f)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _rasterise(points, homogeneous, faces, front, inverse_depth, face_index):
     """Keep, at each pixel centre, the largest 1/z of the faces over it and that face's index.
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 from functools import cached_property
 from threading import Lock
 
-import numba as nb
 import numpy as np
 from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
+from ..jit import kernel
 from .adjacency import neighbours, spacing
 
 
@@ -71,7 +71,7 @@ class SurfaceGraph:
         return _neighbours_of(np.ascontiguousarray(texels, np.int64), *self.adjacency)
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def _among(chosen, indptr, indices, place, number):
     """Rows of the graph among `chosen`, its columns numbered as in `chosen`, and their lengths.
 
@@ -102,7 +102,7 @@ def _among(chosen, indptr, indices, place, number):
     return rows, columns[:n], length[:n]
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def _neighbours_of(texels, indptr, indices):
     count = 0
     for i in texels:
@@ -116,7 +116,7 @@ def _neighbours_of(texels, indptr, indices):
     return found
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def _parts(keep, indptr, indices):
     part = np.full(len(keep), -1, np.int32)
     queue = np.empty(len(keep), np.int32)

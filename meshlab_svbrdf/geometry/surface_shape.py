@@ -7,8 +7,8 @@ steepest_turn   its norm
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from ..jit import kernel
 from .adjacency import neighbours
 from .tangents import tangents
 
@@ -16,7 +16,7 @@ FLATTEST_CELL = 1e-3
 """Least of the neighbours' spread, det / trace², that still tells two directions."""
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _surface_shape(indptr, indices, position, normal, shape):
     """Least squares of n_j − n_i = S (x_j − x_i) over the neighbours, in the tangent plane."""
     axes, b, moment = np.empty((2, 3)), np.empty(3), np.empty((2, 3))

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from ..jit import kernel
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def tangents(x, y, z):
     """Two unit vectors that span the plane across the unit normal (x, y, z)."""
     if abs(x) < 0.9:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from ..jit import kernel
 from .texels import Texels
 
 GROUP = 64
@@ -45,7 +45,7 @@ def group_texels(texels: Texels) -> TexelGroups:
     )
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def faces_away(groups, g, eye, cut):
     """Whether no texel of group g can see the eye at a cosine of `cut` or more."""
     vx, vy, vz = (

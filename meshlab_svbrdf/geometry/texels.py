@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
+from ..jit import kernel
 from .mesh import Mesh
 
 
@@ -52,7 +52,7 @@ class Texels:
         return images
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _cover(corners, faces, owner, barycentric):
     """Give each pixel centre to the first face over it; `corners` in pixels, (F, 3, 2) float64."""
     height, width = owner.shape

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from ..errors import SvbrdfError
+from ..jit import kernel
 from .mesh import Mesh
 
 # Vertices are snapped to 1/1024 texel, so that the test of a pixel centre is exact in integers.
@@ -218,7 +218,7 @@ def _starved_share(
     return float(area[density < STARVED * usual].sum() / area.sum())
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _count(corners, counter):
     """Count the faces over each pixel centre; corners (F, 3, 2) int64 in 1/1024 pixels, y down.
 

@@ -17,9 +17,9 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
-from numba import njit
 from scipy.sparse import csr_array
 
+from ..jit import kernel
 from .harmonics import BANDS, COEFFICIENTS, basis
 from .mesh import Mesh
 
@@ -165,7 +165,7 @@ def _between(mesh: Mesh, normals: np.ndarray) -> tuple[np.ndarray, csr_array]:
     return np.flatnonzero(chosen), near
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _choose(indptr, indices, usable, chosen):
     """Choose usable vertices in their order, unless a neighbour has been chosen."""
     for i in range(len(chosen)):

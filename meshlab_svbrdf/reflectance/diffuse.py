@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from ..geometry.harmonics import evaluate_all, scale_coefficients
+from ..jit import kernel
 from ..power import FAST, exp
 from ..ranks import quantile
 from ..samples.observations import (
@@ -87,7 +87,7 @@ def cone_average(probability: np.ndarray, cone: float, kernel: str = "angle") ->
     return out
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def specular_weight(y, log_b, threshold, minimum):
     """Eq. 3 and 5, guarded: s = b^(w²) / w in [0, 1], w = (t − min) / (Y − min) in [¼, 4]; float32.
 
@@ -102,7 +102,7 @@ def specular_weight(y, log_b, threshold, minimum):
     return s if (y > minimum) & (exponent > DARK / 16) else zero
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _cone_with_visibility(lit, coefficients, x, y, z):
     """Eq. 4 to the letter: V(ω) for each direction of the cone."""
     probability, cosines, sines, phis, weights = (
@@ -125,7 +125,7 @@ def _cone_with_visibility(lit, coefficients, x, y, z):
     return top / bottom if bottom > 0 else 0.0
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _specular_weights(block, view, i, threshold, minimum, ys, lit, letter, rows, ws):
     """Weigh each sample of the block's texel i by how surely it is diffuse, or by s to the letter.
 
@@ -153,7 +153,7 @@ def _specular_weights(block, view, i, threshold, minimum, ys, lit, letter, rows,
         ws[j] = s if letter else one - s
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+@kernel(fastmath=FAST)
 def _weighted_bound(ys, ws, otherwise):
     """Weighted mean and deviation, added; `otherwise` where nothing has weight."""
     total, weight, deviation = 0.0, 0.0, 0.0
@@ -168,7 +168,7 @@ def _weighted_bound(ys, ws, otherwise):
     return np.float32(mu + deviation / weight)
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+@kernel(fastmath=FAST)
 def _mean_below(ys, bound, quality, values):
     """Mean of the values, weighted by quality, where Y is no more than the bound; NaN for none."""
     total, weight = 0.0, 0.0
@@ -179,7 +179,7 @@ def _mean_below(ys, bound, quality, values):
     return total / weight if weight > 0 else np.nan
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _diffuse(block, view, threshold, minimum, lit, letter, method, out):
     most = longest(block.offsets, 0, block.stop - block.first)
     buffer, rows = np.empty((6, most), np.float32), np.empty((5, most), np.float32)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numba import njit
 
+from ..jit import kernel
 from ..power import FAST
 from ..ranks import quantile
 from ..samples.observations import Observations, longest, mirrors
@@ -21,7 +21,7 @@ LEAST_SCALE = 0.3
 """Of the residuals, 0..100: the noise of eight bits."""
 
 
-@njit(cache=True, nogil=True, fastmath=FAST, error_model="numpy")
+@kernel(fastmath=FAST)
 def _trust(n, shine, quality, h0, h, trust):
     """Huber's threshold h = h0 + .2 S, and q / (1 + (S/10)²), what weights are before it."""
     for j in range(n):
@@ -30,7 +30,7 @@ def _trust(n, shine, quality, h0, h, trust):
         trust[j] = quality[j] / (np.float32(1) + tenth * tenth)
 
 
-@njit(cache=True, nogil=True, fastmath=FAST, error_model="numpy")
+@kernel(fastmath=FAST)
 def _weigh(n, e, d, h, trust, bound, w):
     """w' = trust · huber; a clipped sample, a `bound`, counts only if d is too dark for it.
 
@@ -46,7 +46,7 @@ def _weigh(n, e, d, h, trust, bound, w):
     return top, weight
 
 
-@njit(cache=True, nogil=True, fastmath=FAST)
+@kernel(fastmath=FAST)
 def _sums(n, red, green, blue, shine, w):
     """Σ w' I of each channel, and Σ w' S."""
     r, g, b, s = 0.0, 0.0, 0.0, 0.0
@@ -58,7 +58,7 @@ def _sums(n, red, green, blue, shine, w):
     return r, g, b, s
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _refit(block, view, material, gloss, tint, bulbs, diffuse):
     coefficients = np.empty(36, np.float32)
     count = len(bulbs.gain)

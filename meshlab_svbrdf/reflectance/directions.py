@@ -7,7 +7,8 @@ Latitude-longitude has its pole at the world's +Y: dir = (sin φ sin θ, cos θ,
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from ..jit import kernel
 
 
 def directions(height: int) -> np.ndarray:
@@ -26,7 +27,7 @@ def solid_angles(height: int) -> np.ndarray:
     return np.repeat((edges[:-1] - edges[1:])[:, None] * np.pi / height, 2 * height, axis=1)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def pixel(x, y, z, height):
     """Row and column of a unit direction."""
     width = 2 * height
@@ -36,7 +37,7 @@ def pixel(x, y, z, height):
     return min(row, height - 1), min(col, width - 1)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def look_up(environment, rays):
     """The map's value along each of the unit directions (N, 3), nearest pixel; NaN along none."""
     out = np.empty(len(rays), np.float64)
@@ -60,7 +61,7 @@ def octahedral_directions(size: int) -> np.ndarray:
     return d / np.linalg.norm(d, axis=-1, keepdims=True)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def octahedral_cell(x, y, z, size):
     """Row and column of a direction, of any length, in an octahedral map: no trigonometry."""
     one, half = np.float32(1), np.float32(0.5 * size)

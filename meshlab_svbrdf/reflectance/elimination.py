@@ -10,8 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
+from ..jit import kernel
 from ..power import FAST
 from ..samples.observations import longest
 from .fit_samples import FitSamples
@@ -23,7 +23,7 @@ REACH = 3
 """Cells to both sides of a shininess that is already known."""
 
 
-@njit(cache=True, nogil=True, fastmath=FAST)
+@kernel(fastmath=FAST)
 def _luminances(n, y, origin, w, d):
     """y − origin to d (n,); Σw, Σwd and Σwd²."""
     sw, sy, syy = 0.0, 0.0, 0.0
@@ -34,7 +34,7 @@ def _luminances(n, y, origin, w, d):
     return sw, sy, syy
 
 
-@njit(cache=True, nogil=True, fastmath=FAST)
+@kernel(fastmath=FAST)
 def _lobe_sums(n, phi, w, d):
     """Σwφ, Σwφd and Σwφ²."""
     sp, spy, spp = 0.0, 0.0, 0.0
@@ -45,7 +45,7 @@ def _lobe_sums(n, phi, w, d):
     return sp, spy, spp
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _eliminate(first, stop, offsets, material, y, w, mirror, blur, rays, gains, window, sums):
     """Add N, Q, T of the texels first..stop to sums (M, 3, A)."""
     most, lamps = longest(offsets, first, stop), gains.shape[1]

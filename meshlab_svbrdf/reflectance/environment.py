@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
+from ..jit import kernel
 from ..samples.observations import (
     Observations,
     fill_visibility,
@@ -37,7 +37,7 @@ class EnvironmentMap:
         return self.weight > 0
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _accumulate(block, view, texel, threshold, amount, weight, count):
     """texel : (B,), those of the block"""
     height = amount.shape[0]

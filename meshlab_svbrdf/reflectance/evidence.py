@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
+
+from ..jit import kernel
 
 Z_LEAST = 3.0
 WIDTH_MOST = 1.5
@@ -30,7 +31,7 @@ class Evidence:
     color_error: np.ndarray
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _evidence(first, stop, offsets, material, rgb, y, w, specular, residual, noise, sums):
     """Add to sums (M, 5 + 3 + 3 + 3): ΣwS̃² and Σw²S̃²e²; over the texels that show the lobe,
     Σwe² and Σwỹ²; Σw²S̃⁴; then, per channel, ΣwS̃c̃, Σw²S̃²c̃² and Σw²S̃³c̃.

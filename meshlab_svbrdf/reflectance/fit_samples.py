@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numba import njit
 
+from ..jit import kernel
 from ..samples.observations import (
     Observations,
     color,
@@ -60,20 +60,20 @@ class FitSamples:
         return 0.5 * (np.einsum("na,na->n", self.blur[:, :3], self.blur[:, :3]) + self.blur[:, 3])
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def clips(quality, r, g, b):
     """A sample of this colour, linear 0..1 before dividing by exposure, and stored quality."""
     return quality >= 128 or np.float32(100) * relative_luminance(r, g, b) > SATURATED
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def is_clipped(block, view, j):
     """Any tap of sample j was clipped, or its luminance before dividing by exposure is above 98."""
     red, green, blue = block.value[j, 0], block.value[j, 1], block.value[j, 2]
     return clips(block.value[j, 3], view.linear[red], view.linear[green], view.linear[blue])
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _collect(
     block, view, pixel, shape, chosen, start, luminance, rgb, quality, clipped, mirror, blur
 ):

@@ -6,8 +6,8 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
-from numba import njit
 
+from ..jit import kernel
 from ..samples.observations import Observations, longest
 from .elimination import Profile, eliminate, profile
 from .evidence import Evidence, weigh_evidence
@@ -18,7 +18,7 @@ from .phong import cast_shadows, lamps, light_texels
 from .shadow_edges import alike, kept, shadow_edges
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _predict(
     first, stop, offsets, material, y, mirror, blur, rays, gains, rho, alpha, w, specular, residual
 ):  # fmt: skip
@@ -44,7 +44,7 @@ def _predict(
             residual[j] = y[j] - diffuse - specular[j] if bottom > 0 else 0.0
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _reweigh(
     first, stop, offsets, material, quality, clipped, specular, residual, scale, use_clipped, w
 ):

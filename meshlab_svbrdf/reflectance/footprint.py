@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from ..geometry.tangents import tangents
+from ..jit import kernel
 from ..ranks import quantile
 from ..samples.observations import Observations, sample_luminance, sample_quality
 from ..samples.store import Block
@@ -21,7 +21,7 @@ LOOKED_AT = 32
 """Samples of a texel, evenly spaced, from which on no more are looked at."""
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _footprints(block, view, pixel, out, noise):
     steps = np.empty(2 * LOOKED_AT, np.float32)
     for i in range(block.stop - block.first):

@@ -9,8 +9,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numba import njit
 
+from ..jit import kernel
 from .fit_state import FitState
 from .lights import Light, tangents
 from .microfacet import Gloss, columns, specular
@@ -25,7 +25,7 @@ NUDGE = 1e-3
 """By which a light's parameters are moved to see what its highlights do."""
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _sums(
     first, stop, offsets, material, normal, y, w, mirror, blur, rays, gains, kind, shape, sums
 ):  # fmt: skip
@@ -100,7 +100,7 @@ def eliminate_gloss(state: FitState, kind: np.ndarray, shape: np.ndarray) -> np.
     return np.array([strengths(row) for row in total]).reshape(-1, 3)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _specular(first, stop, offsets, material, normal, mirror, blur, rays, gains, gloss, out):
     for i in range(first, stop):
         for j in range(offsets[i], offsets[i + 1]):

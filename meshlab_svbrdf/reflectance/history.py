@@ -8,8 +8,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numba import njit
 
+from ..jit import kernel
 from ..samples.observations import Observations, sample_luminance
 from .fit_samples import is_clipped
 from .lights import Light
@@ -52,14 +52,14 @@ class History:
     peaks: list[Peak]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _luminances(block, view, luminance, clipped):
     for j in range(len(luminance)):
         luminance[j] = sample_luminance(block, view, j)
         clipped[j] = is_clipped(block, view, j)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _peaks(block, view, sequence, order, d, table, by_direction, numbers, ends, run, runs):
     """Judge every run of the only texel of the block; how many there are.
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
+from ..jit import kernel
 from ..samples.observations import longest
 from .fit_state import FitState
 
@@ -28,7 +28,7 @@ class Testimony:
     taken: np.ndarray
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _hear(
     first, stop, offsets, material, mirror, w, residual, rays, gains, owner, rho, alpha, noise, sums
 ):  # fmt: skip

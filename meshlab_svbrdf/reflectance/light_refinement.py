@@ -9,8 +9,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numba import njit
 
+from ..jit import kernel
 from .fit_samples import FitSamples
 from .lights import Light, tangents
 from .phong import Lamps
@@ -18,7 +18,7 @@ from .phong import Lamps
 PARAMETERS = 7  # per light: two angles, ln gain, κ, the bar's two components, and the breadth
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _normal_equations(
     first, stop, offsets, material, mirror, w, residual, position, rays, gains,
     lamps, frames, rho, alpha, matrix, vector,

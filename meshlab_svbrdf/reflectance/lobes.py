@@ -6,8 +6,8 @@ Rows are taken by their numbers: unpacked, they would not be known to be contigu
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from ..jit import kernel
 from ..power import FAST, LANES, exp, ln
 
 LEAST = np.float32(0.01)
@@ -18,7 +18,7 @@ NOTHING = 14.0
 """−ln of what is left of a lobe's height where it ends."""
 
 
-@njit(cache=True, nogil=True, fastmath=LANES)
+@kernel(fastmath=LANES)
 def _nearest(x, y, z, a, b, c):
     """The largest cosine between a lamp's direction and the mirror directions x, y, z (n,)."""
     most = np.float32(-1)
@@ -27,7 +27,7 @@ def _nearest(x, y, z, a, b, c):
     return most
 
 
-@njit(cache=True, nogil=True, fastmath=FAST)
+@kernel(fastmath=FAST)
 def add_sharp(x, y, z, rays, gains, alpha, rho, out):
     """Add ρ Σ_k g_k (l_k·r)₊^α of the mirror directions x, y, z (n,) to out (n,); float32.
 
@@ -44,14 +44,14 @@ def add_sharp(x, y, z, rays, gains, alpha, rho, out):
                 out[j] += gain * exp(power * ln(max(cos, np.float32(1e-9))))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def clear(n, out):
     """0 to out (n,); assigned to a slice it would take seconds to compile."""
     for j in range(n):
         out[j] = 0.0
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def take(mirror, blur, first, n, columns):
     """Mirror directions and blur, x y z and bx by bz s₁ s₂, to columns (8, n); the greatest s₁."""
     most = np.float32(0)
@@ -65,7 +65,7 @@ def take(mirror, blur, first, n, columns):
     return most
 
 
-@njit(cache=True, nogil=True, fastmath=LANES)
+@kernel(fastmath=LANES)
 def _least_sum(n, u1, u2):
     least = FAR
     for j in range(n):
@@ -73,7 +73,7 @@ def _least_sum(n, u1, u2):
     return least
 
 
-@njit(cache=True, nogil=True, fastmath=FAST, error_model="numpy")
+@kernel(fastmath=FAST)
 def part(columns, n, ray, u1, u2):
     """How far a lamp stands from the mirror directions: −ln cos, shared out to the blur's axes.
 
@@ -94,7 +94,7 @@ def part(columns, n, ray, u1, u2):
     return _least_sum(n, u1, u2)
 
 
-@njit(cache=True, nogil=True, fastmath=FAST, error_model="numpy")
+@kernel(fastmath=FAST)
 def soften(columns, n, alpha, h1, h2, height):
     """What blur makes of the shininess α: α h₁ and α h₂ along its axes, and the lobe's height."""
     power = np.float32(alpha)
@@ -105,14 +105,14 @@ def soften(columns, n, alpha, h1, h2, height):
         h1[j], h2[j], height[j] = power * a, power * b, np.sqrt(a * b)
 
 
-@njit(cache=True, nogil=True, fastmath=FAST)
+@kernel(fastmath=FAST)
 def add(n, gain, h1, h2, height, u1, u2, out):
     """Add a lamp's lobe to out (n,)."""
     for j in range(n):
         out[j] += gain * height[j] * exp(-(h1[j] * u1[j] + h2[j] * u2[j]))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def add_blurred(mirror, blur, first, n, rays, gains, alpha, scratch, out):
     """Add φ of the samples first..first + n to out (n,), scratch (13, n); all float32."""
     columns, u1, u2 = scratch[:8], scratch[8], scratch[9]

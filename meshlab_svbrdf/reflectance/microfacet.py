@@ -16,8 +16,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from ..jit import kernel
 from .phong import lobe
 
 PHONG, GGX, BECKMANN = 0, 1, 2
@@ -73,7 +73,7 @@ def phong_gloss(rho_s: np.ndarray, alpha: np.ndarray) -> Gloss:
     return Gloss(np.zeros(len(rho), np.int64), rho, np.zeros_like(rho), shape)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _unshadowed(kind, cos, roughness):
     """Smith's G₁: the share of the microfacets that is not hidden along a direction."""
     tan2 = (1.0 - cos * cos) / (cos * cos)
@@ -85,7 +85,7 @@ def _unshadowed(kind, cos, roughness):
     return (3.535 * x + 2.181 * x * x) / (1.0 + 2.276 * x + 2.577 * x * x)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def facets(kind, roughness, nl, nv, lv):
     """D G/(4 n·v) and (1 − l·h)⁵ from the cosines n·l, n·v > 0 and l·v."""
     length2 = max(2.0 + 2.0 * lv, 1e-9)
@@ -104,7 +104,7 @@ def facets(kind, roughness, nl, nv, lv):
     return d * g / (4.0 * nv), away * away * away * away * away
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def columns(kind, shape, blur, normal, x, y, z, rays, gains):
     """ψ and ψ₅ of a texel's normal (3,) and the mirror direction (x, y, z).
 
@@ -134,7 +134,7 @@ def columns(kind, shape, blur, normal, x, y, z, rays, gains):
     return facing, grazing
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def specular(gloss, m, blur, normal, x, y, z, rays, gains):
     """S of material m, 0..100."""
     facing, grazing = columns(gloss.kind[m], gloss.shape[m], blur, normal, x, y, z, rays, gains)

@@ -12,9 +12,9 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from ..geometry.visibility import spread_directions
+from ..jit import kernel
 from ..samples.observations import Observations, View, fill_visibility, visibility
 from ..threads import thread_count
 from .fit_samples import choose_texels, collect, flat_limits
@@ -56,7 +56,7 @@ class Residue:
     z: np.ndarray
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _correlate(
     first, stop, view, texel, offsets, material, mirror, w, residual, directions, rho, alpha, sums
 ):  # fmt: skip

@@ -11,9 +11,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from ..geometry.visibility import directional_visibility
+from ..jit import kernel
 from ..samples.observations import Observations, View, fill_visibility, visibility
 from .lights import Light
 
@@ -95,7 +95,7 @@ def cast_shadows(
     return lit
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def light_texel(view, t, lamps, coefficients, rays, gains):
     """Fill rays (P, 3) with l_k at texel t, gains (P,) with g_k V_k /|L|²; 0 below the horizon."""
     has = fill_visibility(view, t, coefficients)
@@ -116,7 +116,7 @@ def light_texel(view, t, lamps, coefficients, rays, gains):
         gains[k] = lamps.gain[k] / length2 * seen if above > 0 else 0.0
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def lobe(x, y, z, rays, gains, alpha):
     """φ = Σ_k g_k V_k (l_k·r)₊^α of the mirror direction (x, y, z)."""
     total = 0.0
@@ -130,7 +130,7 @@ def lobe(x, y, z, rays, gains, alpha):
     return total
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _light_texels(view, texels, lamps, rays, gains):
     coefficients = np.empty(36, np.float32)
     for i in range(len(texels)):

@@ -11,16 +11,16 @@ axes. A lobe of shininess α seems to have, along each axis,
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from ..geometry.tangents import tangents
+from ..jit import kernel
 from .footprint import SPREAD
 
 SHARP = 2e-4
 """Of 1/α, the blur below which a lobe is as good as sharp."""
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _swing(shape, n, vx, vy, vz, facing, near, qx, qy, qz):
     """J q of a step q across the view, in the mesh's units; near = 1 / distance."""
     # Stay on the surface
@@ -38,7 +38,7 @@ def _swing(shape, n, vx, vy, vz, facing, near, qx, qy, qz):
     )
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def pixel_blur(view, pixel, shape, t, f):
     """The covariance of the mirror directions that a pixel covers, radians².
 
@@ -77,7 +77,7 @@ def pixel_blur(view, pixel, shape, t, f):
     )  # fmt: skip
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def along_and_across(cos, x, y, z, ray, s1):
     """How far a lamp stands from the mirror direction: −ln cos, shared out to a blur's two axes.
 
@@ -92,7 +92,7 @@ def along_and_across(cos, x, y, z, ray, s1):
     return part, u - part
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def blurred_lobe(alpha, u1, u2, s1, s2):
     """What is left of cos^α; u1, u2 from `along_and_across`; 0 below e⁻¹⁴ of its height."""
     if alpha * s1 < SHARP:

@@ -6,11 +6,12 @@ NaN where unobserved. indptr, indices : the graph as CSR (see geometry.adjacency
 
 from __future__ import annotations
 
-import numba as nb
 import numpy as np
 
+from ..jit import kernel
 
-@nb.njit(cache=True, nogil=True)
+
+@kernel
 def smooth(colors, indptr, indices, reach):
     """Mean of a texel and those neighbours whose colour is nearer than `reach`, and their spread.
 
@@ -41,7 +42,7 @@ def smooth(colors, indptr, indices, reach):
     return mean, spread
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def grow(colors, indptr, indices, seeds, threshold):
     """Grow a region from each seed in turn over the texels that no region before it took.
 
@@ -86,7 +87,7 @@ def grow(colors, indptr, indices, seeds, threshold):
     return region
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def fill(colors, indptr, indices, labels, means):
     """Give texels without a label the neighbouring label of nearest mean, ring by ring.
 
@@ -123,7 +124,7 @@ def fill(colors, indptr, indices, labels, means):
         first = last
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def settle(colors, indptr, indices, labels, means):
     """Labels after every texel took the nearest mean among its own and its neighbours' labels."""
     settled = labels.copy()
@@ -133,7 +134,7 @@ def settle(colors, indptr, indices, labels, means):
     return settled
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def pieces(indptr, indices, labels):
     """Connected pieces of each label: (T,) int32 from 0, −1 where there is no label."""
     piece = np.full(len(labels), -1, np.int32)
@@ -158,7 +159,7 @@ def pieces(indptr, indices, labels):
     return piece
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def depths(indptr, indices, labels):
     """Steps to the border with another label: (T,) int32 from 1, 0 where there is no way to one."""
     depth = np.zeros(len(labels), np.int32)
@@ -186,7 +187,7 @@ def depths(indptr, indices, labels):
     return depth
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def contacts(indptr, indices, labels, piece, counts):
     """Add to counts (P, M) int64 how often each piece touches each other label."""
     for i in range(len(labels)):
@@ -198,7 +199,7 @@ def contacts(indptr, indices, labels, piece, counts):
                 counts[piece[i], other] += 1
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def _nearest_around(i, colors, indptr, indices, labels, means):
     best = labels[i]
     least = np.inf
@@ -214,6 +215,6 @@ def _nearest_around(i, colors, indptr, indices, labels, means):
     return best
 
 
-@nb.njit(cache=True, nogil=True, inline="always")
+@kernel(inline="always")
 def _distance2(a, b):
     return (a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2

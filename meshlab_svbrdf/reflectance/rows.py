@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from ..jit import kernel
 from ..samples.observations import relative_luminance
 from .fit_samples import clips
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def read_row(block, view, first, n, red, green, blue, quality, bound):
     """Colour and quality of the samples first..first + n, and whether they are clipped.
 
@@ -28,7 +28,7 @@ def read_row(block, view, first, n, red, green, blue, quality, bound):
         quality[j] = np.float32(block.value[first + j, 3] & 127) / np.float32(127)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def luminances(n, red, green, blue, y):
     """Linear Y (Rec. 709) of a row's colours."""
     for j in range(n):

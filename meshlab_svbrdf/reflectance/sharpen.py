@@ -12,11 +12,11 @@ from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 
 import numpy as np
-from numba import njit
 from scipy.sparse import csr_array
 
 from ..geometry.tangents import tangents
 from ..geometry.texels import Texels
+from ..jit import kernel
 from ..threads import thread_count
 from .footprint import SPREAD
 
@@ -32,7 +32,7 @@ DARKER = 0.2
 """Of B, the least that D may be: beside a bright edge rounds could overshoot to black."""
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _rows(first, stop, position, normal, row, col, covariance, index, counts, columns, weights):
     """The texels that blur into first..stop, and how much; returns how many they are."""
     height, width = index.shape

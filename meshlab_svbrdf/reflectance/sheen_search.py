@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from ..jit import kernel
 from ..ranks import quantile
 from ..samples.observations import Observations, color, sample_luminance, sample_quality
 from .directions import octahedral_cell
@@ -38,7 +38,7 @@ class Gathered(NamedTuple):
     ray: np.ndarray
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _gather(block, places, view, texel, start, frame, y, rgb, quality, ray):
     """Copy the samples of some texels, at `places` in a block, from `start` on."""
     n = start
@@ -96,7 +96,7 @@ def tilts(sigma: float) -> np.ndarray:
     return np.array(out, np.float32)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def weigh(samples, used, noise, weight):
     """q · Huber about the texel's median of y; 0 in frames that are not `used` (F,) bool."""
     for t in range(len(samples.offsets) - 1):
@@ -111,7 +111,7 @@ def weigh(samples, used, noise, weight):
                 weight[j] = 0
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def mirrored(n, ray, table):
     """The table's value at the mirror direction of `ray` about the normal n."""
     twice = np.float32(2) * (n[0] * ray[0] + n[1] * ray[1] + n[2] * ray[2])
@@ -121,7 +121,7 @@ def mirrored(n, ray, table):
     return table[row, col]
 
 
-@njit(cache=True, nogil=True, fastmath={"nsz", "arcp", "contract", "reassoc"})
+@kernel(fastmath={"nsz", "arcp", "contract", "reassoc"})
 def _cost(samples, weight, first, stop, n, table, prior):
     """Least ‖y − a − s·ℓ(r)‖² + prior·(s − 1)² over the level a and the strength s, and s."""
     w, wl, wy, ll, ly, yy = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -137,7 +137,7 @@ def _cost(samples, weight, first, stop, n, table, prior):
     return yy - s * (2 * ly - s * ll), s
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def search(samples, weight, own, table, candidates, sigma, noise, normal, strength):
     """Normal and strength of every texel that explain its samples best.
 
@@ -182,7 +182,7 @@ def search(samples, weight, own, table, candidates, sigma, noise, normal, streng
             step /= 2
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def unexplained(samples, weight, test, normal, strength, table, before, after):
     """Per texel, of the samples with weight `test`: Σ of the squared error of a constant and of
     the sheen, each with the level that the samples with `weight` give."""
@@ -202,7 +202,7 @@ def unexplained(samples, weight, test, normal, strength, table, before, after):
             after[t] += test[j] * (samples.y[j] - strength[t] * e - level / w) ** 2
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def level_color(samples, weight, normal, strength, table, out):
     """Σ w I / E^s / Σ w per texel, (n, 3): the colour without the sheen; NaN without weight."""
     for t in range(len(samples.offsets) - 1):

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from ..jit import kernel
 from ..samples.observations import Observations, mirror_direction, sample_luminance
 from .fit_samples import is_clipped
 from .lights import Light, tangents
@@ -58,7 +58,7 @@ def shapes(lights: list[Light]) -> Shapes:
     )
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def mahalanobis2(x, y, z, k, shapes):
     """Squared Mahalanobis distance of a direction from light k in its tangent plane, or inf."""
     cos = x * shapes.direction[k, 0] + y * shapes.direction[k, 1] + z * shapes.direction[k, 2]
@@ -71,7 +71,7 @@ def mahalanobis2(x, y, z, k, shapes):
     return u * u * c[0, 0] + 2.0 * u * v * c[0, 1] + v * v * c[1, 1]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def solve_peak(excess_max, excess_min, d2_max, d2_min, variance):
     """ρs and α of two samples of one lobe (eq. 7), or NaN where the guards reject them.
 
@@ -94,7 +94,7 @@ def solve_peak(excess_max, excess_min, d2_max, d2_min, variance):
     return rho, alpha
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _judge_run(block, view, t, run, n, d, shapes, least_of_peak, farthest_point, nearer_than):
     """ρs, α, d²_max and light of one peak, whose samples are run[:n], and its two samples c_max and
     c_min (-1: none); α NaN if it does not tell."""
@@ -133,7 +133,7 @@ def _judge_run(block, view, t, run, n, d, shapes, least_of_peak, farthest_point,
     return rho, alpha, d2_max, lamp, top, low
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _next_run(block, view, d, sequence, order, j, stop, run):
     """The next run of consecutive frames brighter than d from sample j on: its length and end."""
     n = 0
@@ -152,7 +152,7 @@ def _next_run(block, view, d, sequence, order, j, stop, run):
     return n, j
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _about_light(block, view, t, d, lamp, shapes, j, stop, run):
     """The samples brighter than d whose nearest light is `lamp`: how many."""
     n = 0
@@ -169,7 +169,7 @@ def _about_light(block, view, t, d, lamp, shapes, j, stop, run):
     return n
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _specular(
     block, view, sequence, order, diffuse, shapes, by_direction, least_of_peak, farthest_point,
     rho, alpha, dist, light,

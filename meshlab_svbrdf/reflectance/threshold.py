@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
+from ..jit import kernel
 from ..samples.observations import (
     Observations,
     color,
@@ -39,7 +39,7 @@ class LuminanceStatistics:
         return np.isfinite(self.threshold)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _threshold(block, view, cut, least, threshold, mean, minimum, rgb, samples):
     """cut : quality, 0..127"""
     ys = np.empty(longest(block.offsets, 0, block.stop - block.first), np.float32)

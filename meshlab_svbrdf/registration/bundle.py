@@ -11,11 +11,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numba import njit
 from scipy.sparse import bsr_array, csc_array
 from scipy.sparse.linalg import splu
 
 from ..geometry.camera import Camera
+from ..jit import kernel
 from .keyframes import Keyframe
 from .match import Matches
 from .outlines import NEIGHBOURS, Outline
@@ -45,7 +45,7 @@ class Adjusted:
     uncertainty: dict[int, float]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _slopes(points, planes, found, whitener, R, t, lens, other_R, other_t, residual, J):
     """Fill residuals (n, 2) and their slopes (n, 2, 13); lens : fx, fy, cx, cy"""
     turn = R @ other_R.T

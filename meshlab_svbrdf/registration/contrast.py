@@ -5,7 +5,8 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from numba import njit
+
+from ..jit import kernel
 
 WINDOW = 31  # pixels
 GAIN = 40.0  # codes per local standard deviation
@@ -37,7 +38,7 @@ def structure(image: np.ndarray, window: int):
     return tuple(cv2.blur(p, (window, window)) for p in (dx * dx, dx * dy, dy * dy))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def structure_at(image, places, half, out):
     """Sums of products of the image's slopes, xx, xy, yy, around places (n, 2), to `out` (n, 3).
 

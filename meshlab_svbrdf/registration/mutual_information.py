@@ -18,11 +18,11 @@ from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
-from numba import njit
 
 from ..geometry.camera import Camera
 from ..geometry.raster import rasterise
 from ..geometry.visibility import Rays, spread_directions
+from ..jit import kernel
 from .surface import Surface
 
 RAYS = 128  # per vertex, over the sphere
@@ -90,7 +90,7 @@ def simplified(shape: Shape, cell: float) -> Shape:
     return Shape(sums / count[:, None], faces[kept], shape.predictors[kept])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _accumulate(face, image, predictors, seen, sums, beside):
     """Products of predictors and colours on the object to `sums` (n + 3, n + 3), upper triangle;
     products of 1 and colours beside it to `beside` (4, 4). seen : (F, 4) of zeros, for use."""

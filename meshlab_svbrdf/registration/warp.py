@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from ..jit import kernel
 from .surface import View
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _warp(inverse_depth, rays, R, t, intrinsics, image, depth, tolerance, out, valid):
     """Fill `out` and `valid` (h, w) uint8 for the pixels that the other view sees too.
 

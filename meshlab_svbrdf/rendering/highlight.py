@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from ..jit import kernel
 from ..reflectance.microfacet import PHONG, facets
 
 GRAZING = 1e-3
 """Cosine below which microfacets show nothing."""
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def highlight_of(kind, facing, grazing, shape, nl, nv, lv):
     """ρ (l·r)^α, or microfacets' value, from the cosines of light, view and normal; nl > 0."""
     if kind == PHONG:
@@ -22,7 +22,7 @@ def highlight_of(kind, facing, grazing, shape, nl, nv, lv):
     return 0.0
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def highlight(kind, facing, grazing, shape, normal, view, toward, gain, out):
     """What one light of `gain` adds by its highlight; toward (N, 3) is L, not of unit length."""
     for n in range(len(out)):

@@ -10,10 +10,10 @@ from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
-from numba import njit
 
 from ..geometry.mesh import Mesh
 from ..geometry.visibility import VERTEX_OFFSET, directional_visibility
+from ..jit import kernel
 from ..reflectance.lamp_shadows import lamp_share
 from ..reflectance.microfacet import PHONG
 from ..threads import thread_count
@@ -27,7 +27,7 @@ NEGLIGIBLE = 1e-4
 """Share of a highlight's top below which it is left out."""
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _shade(
     corner, weight, position, normal, view, albedo, tint, kind, facing, grazing, shape,
     direction, curvature, color, lit, at_vertices, out,

@@ -12,13 +12,13 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numba import njit
 
 from ..geometry.camera import Camera
 from ..geometry.gutters import fill_gutters
 from ..geometry.mesh import Mesh
 from ..geometry.raster import rasterise
 from ..geometry.visibility import Rays
+from ..jit import kernel
 from ..reflectance.microfacet import PHONG
 
 AT_ONCE = 1 << 19
@@ -78,7 +78,7 @@ class Seen:
     harmonics: np.ndarray | None
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _barycentric(points, faces, fx, fy, cx, cy, rows, cols, face, out):
     """Perspective-correct barycentric coordinates of the pixel centres on their faces."""
     p, e = np.empty((3, 3)), np.empty(3)

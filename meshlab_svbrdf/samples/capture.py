@@ -6,13 +6,13 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numba import njit
 
 from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
 from ..geometry.raster import rasterise_depth
 from ..geometry.texel_groups import GROUP, faces_away, group_texels
 from ..geometry.texels import Texels
+from ..jit import kernel
 from .chunks import SampledFrame
 from .luminance import decode, encode
 
@@ -45,7 +45,7 @@ class Quality:
     clipped: int = CLIPPED
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _mark_jumps(inverse_depth, step, smooth):
     """Clear `smooth` without surface, and on both sides of a depth step or a silhouette.
 
@@ -71,7 +71,7 @@ def _mark_jumps(inverse_depth, step, smooth):
             )
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _project(
     position, normal, first, count, R, t, intrinsics, eye, size, cut, reference_depth, out
 ):  # fmt: skip
@@ -103,7 +103,7 @@ def _project(
         left[k] = quality if seen & (quality >= cut) else zero
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _sample(
     position, normal, groups, R, t, intrinsics, eye, image, inverse_depth, distance, origin,
     to_linear, to_code, border, occlusion, reference_depth, cut, limit,

@@ -14,9 +14,9 @@ from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
-from numba import njit
 
 from ..errors import DocumentError
+from ..jit import kernel
 
 MOST_FRAMES = 256  # of a chunk: a byte counts them
 COLUMNS = ("frame", "value")
@@ -132,7 +132,7 @@ class SampledFrame(NamedTuple):
         return self.value[:, 3]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _total(value):
     """Of the qualities, in 127ths."""
     total = 0
@@ -141,13 +141,13 @@ def _total(value):
     return total
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _count(texel, counts):
     for i in range(len(texel)):
         counts[texel[i]] += 1
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _scatter(texel, value, start, stop, cursor, out_frame, out_value):
     """Append the samples start..stop of each frame to their texels' runs, frame by frame."""
     for f in range(len(start)):

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from scipy.sparse import csr_array
 from scipy.sparse.linalg import LinearOperator, cg
 
+from ..jit import kernel
 from ..ranks import quantile
 from .observations import Observations, color
 from .store import Block
@@ -17,7 +17,7 @@ SCALE = 1.5
 """Robust standard deviations of a residual at which its weight has fallen to a quarter."""
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _ratios(block, view, logs, texel_of, frame_of):
     """ln colours, texels and frames of a block's samples but for clipped and dark ones; returns how
     many there are."""
@@ -36,7 +36,7 @@ def _ratios(block, view, logs, texel_of, frame_of):
     return n
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _medians(values, order, starts, out):
     row = np.empty(len(values), np.float32)
     for k in range(len(out)):

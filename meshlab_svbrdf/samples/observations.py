@@ -6,12 +6,12 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from ..geometry.camera import Camera
 from ..geometry.harmonics import evaluate
 from ..geometry.texels import Texels
 from ..geometry.visibility import Rays
+from ..jit import kernel
 from .luminance import decode
 from .store import SampleStore
 
@@ -130,7 +130,7 @@ def with_normals(observations: Observations, normal: np.ndarray) -> Observations
     )
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def color(block, view, j):
     """Sample j's linear RGB, 0..100 of the median exposure."""
     f = block.frame[j]
@@ -141,20 +141,20 @@ def color(block, view, j):
     )
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def relative_luminance(r, g, b):
     """Linear Y (Rec. 709) of a linear colour."""
     return np.float32(0.2126) * r + np.float32(0.7152) * g + np.float32(0.0722) * b
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def sample_luminance(block, view, j):
     """Sample j's linear Y (Rec. 709), 0..100 of the median exposure."""
     r, g, b = color(block, view, j)
     return relative_luminance(r, g, b)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def longest(offsets, first, stop):
     """The most samples of a texel among first..stop."""
     most = 0
@@ -163,13 +163,13 @@ def longest(offsets, first, stop):
     return most
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def sample_quality(block, j):
     """Sample j's quality in 0..1, without the clipping bit."""
     return np.float32(block.value[j, 3] & 127) / np.float32(127)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def mirror_direction(view, i, f):
     """r = 2 (n·v) n − v of texel i seen from frame f; unit."""
     vx, vy, vz = (
@@ -184,7 +184,7 @@ def mirror_direction(view, i, f):
     return twice * nx - vx, twice * ny - vy, twice * nz - vz
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def mirrors(view, i, frame, x, y, z):
     """`mirror_direction` of texel i seen from some frames (n,), to x, y, z (n,) float32."""
     n = len(frame)
@@ -202,7 +202,7 @@ def mirrors(view, i, frame, x, y, z):
         )  # fmt: skip
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def fill_visibility(view, i, out):
     """Texel i's 36 visibility coefficients to `out`; False where all is visible."""
     if view.coefficients.shape[0] == 0:
@@ -216,7 +216,7 @@ def fill_visibility(view, i, out):
     return True
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def visibility(has, coefficients, x, y, z):
     """Remapped visibility clip((V − .25) / .5, 0, 1) along a direction above the horizon."""
     if not has:

@@ -18,8 +18,8 @@ from pathlib import Path
 from typing import NamedTuple, TypeVar
 
 import numpy as np
-from numba import njit
 
+from ..jit import kernel
 from ..threads import thread_count
 from .chunks import (
     COLUMNS,
@@ -60,7 +60,7 @@ class Block(NamedTuple):
         return self.value[:, 3]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _gather(low, high, frame, value, first_frame, cursor, out_frame, out_value):
     """Append each texel's slice low..high of a chunk to the block."""
     for i in range(len(cursor)):

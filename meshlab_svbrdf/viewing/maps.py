@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from ..errors import SvbrdfError
+from ..jit import kernel
 from ..rendering.colors import viridis
 from ..samples.luminance import to_srgb8
 from .scene import Scene
@@ -89,7 +89,7 @@ def project_frame(scene: Scene, frame: int) -> np.ndarray:
     return colors
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _project(offsets, frames, values, frame, colors):
     for i in range(len(colors)):
         for j in range(offsets[i], offsets[i + 1]):
