@@ -20,7 +20,6 @@ from meshlab_svbrdf.samples.store import SampleStore, write_store
 from ._frames import check_space, frame_sampler, read_reduced
 
 SAMPLES = "compute_svbrdf_samples"
-UNREADABLE = (OSError, ValueError, KeyError, TypeError)  # of a store that is cut off or damaged
 
 log = logging.getLogger("meshlab_svbrdf")
 
@@ -59,13 +58,7 @@ def read_samples(document: Document, mesh: Mesh, rasters: list[RasterEntry]) -> 
         return held
     run = document.results.record["runs"].get(SAMPLES, {}).get("parameters", {})
     if run.get("store", "disk") == "disk":
-        folder = document.result_folder("samples")
-        try:
-            return SampleStore.open(folder)
-        except UNREADABLE as error:
-            raise DocumentError(
-                f"{folder}: the samples are damaged ({error}): run {SAMPLES} again with --force"
-            ) from None
+        return SampleStore.open(document.result_folder("samples"))
     log.warning("the samples were not kept (store=memory): the frames are projected again")
     store = project_frames(
         document, mesh, document.texels(), rasters, registry.get(SAMPLES).check(run),
@@ -81,6 +74,6 @@ def _readable(folders: list[Path]) -> list[SampleStore]:
     for folder in folders:
         try:
             found.append(SampleStore.open(folder))
-        except UNREADABLE:
+        except DocumentError:
             continue
     return found

@@ -15,10 +15,12 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from itertools import count, pairwise
 from pathlib import Path
+from tokenize import TokenError
 from typing import NamedTuple, TypeVar
 
 import numpy as np
 
+from ..errors import DocumentError
 from ..jit import kernel
 from ..threads import thread_count
 from .chunks import (
@@ -34,6 +36,11 @@ from .chunks import (
 )
 
 DESCRIPTION = "store.json"
+UNREADABLE = (
+    OSError, ValueError, KeyError, TypeError, EOFError, OverflowError, RecursionError, SyntaxError,
+    TokenError,
+)  # fmt: skip
+"""What NumPy, JSON and what is made of them raise on damaged files."""
 
 Result = TypeVar("Result")
 
@@ -200,6 +207,30 @@ def _project(
             yield written.result()
 
 
+def _check(chunk: Chunk, texels: int, index: int) -> None:
+    """Kernels follow the offsets without looking: they must stay within the chunk's columns."""
+    offsets, frame, value = (chunk.mapped(name) for name in ("offsets", *COLUMNS))
+    right = (
+        isinstance(chunk.frames, int)
+        and (offsets.dtype, offsets.shape) == (np.uint32, (texels + 1,))
+        and (frame.dtype, value.dtype) == (np.uint8, np.uint8)
+        and frame.shape == (len(value),)
+        and value.shape[1:] == (4,)
+        and offsets[0] == 0
+        and offsets[-1] == len(value)
+        and bool((offsets[1:] >= offsets[:-1]).all())
+    )
+    if not right:
+        raise ValueError(f"chunk {index} does not fit together")
+
+
+def _damaged(folder: Path, why: object) -> DocumentError:
+    return DocumentError(
+        f"{folder}: the samples are damaged ({why}): apply compute_svbrdf_samples again, with "
+        "--force"
+    )
+
+
 class SampleStore:
     """Chunks in the frames' order; memory stays at a block, whatever the number of frames.
 
@@ -222,16 +253,28 @@ class SampleStore:
         self.names = list(names)
         self.seen = np.array(seen, np.int64)
         self.quality = np.array(quality, np.float64)
+        self.folder: Path | None = None
         self._counts: np.ndarray | None = None
 
     @classmethod
     def open(cls, folder: Path) -> SampleStore:
-        """What `write_store` left in a folder."""
-        told = json.loads((folder / DESCRIPTION).read_text())
-        chunks = [FileChunk(folder, k, size) for k, size in enumerate(told["chunks"])]
-        return cls(
-            told["texels"], chunks, names=told["names"], seen=told["seen"], quality=told["quality"]
-        )
+        """What `write_store` left in a folder.
+
+        Raises DocumentError where it is damaged, or not there.
+        """
+        try:
+            told = json.loads((folder / DESCRIPTION).read_text())
+            texels, sizes, names = told["texels"], told["chunks"], told["names"]
+            chunks = [FileChunk(folder, k, size) for k, size in enumerate(sizes)]
+            store = cls(texels, chunks, names=names, seen=told["seen"], quality=told["quality"])
+            if not (sum(sizes) == len(names) == store.frames == len(store.quality)):
+                raise ValueError(f"{DESCRIPTION}: the frames of its chunks are others than its own")
+            for k, chunk in enumerate(chunks):
+                _check(chunk, texels, k)
+        except UNREADABLE as error:
+            raise _damaged(folder, error) from None
+        store.folder = folder
+        return store
 
     @property
     def frames(self) -> int:
@@ -294,7 +337,13 @@ class SampleStore:
             _gather(
                 ends[:-1], ends[1:], frames, words_of(values), first_frame, cursor, frame, value
             )
+        self._check_frames(frame)
         return Block(first, stop, offsets, frame, bytes_of(value))
+
+    def _check_frames(self, frame: np.ndarray) -> None:
+        """Kernels look cameras up by these numbers."""
+        if frame.max(initial=0) >= max(self.frames, 1):
+            raise _damaged(self.folder or Path(), f"a sample is of frame {frame.max()}")
 
     def block_bounds(self, samples: int = 1 << 21) -> list[tuple[int, int]]:
         """Ranges of texels with about `samples` samples each; they depend on the store alone."""
@@ -345,6 +394,7 @@ class SampleStore:
         for c, (first_frame, chunk) in enumerate(self.placed()):
             frames, values = (chunk.mapped(name) for name in COLUMNS)
             _gather(low[c], high[c], frames, words_of(values), first_frame, cursor, frame, value)
+        self._check_frames(frame)
         return Block(0, len(texels), offsets, frame, bytes_of(value))
 
     def map_texels(
