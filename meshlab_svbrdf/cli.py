@@ -122,6 +122,9 @@ def batch(
     retries: Annotated[
         int, typer.Option(help="Further attempts at a project whose run was killed.", min=0)
     ] = 1,
+    reports: Annotated[
+        bool, typer.Option("--reports", help="Write the report of each project too.")
+    ] = False,
 ) -> None:
     """Run the chain on every project of LIST; all other options are those of `run`.
 
@@ -129,7 +132,7 @@ def batch(
     """
     from . import commands_batch
 
-    commands_batch.batch(projects, output, context.args, retries)
+    commands_batch.batch(projects, output, context.args, retries, reports)
 
 
 @app.command()
