@@ -23,6 +23,7 @@ from .batch_page import look_at, summary
 from .document.atomic import replacing
 from .document.document import place
 from .errors import SvbrdfError
+from .spread import Spread
 
 TABLE, RECORD, PAGE = "batch.csv", "batch.json", "batch.html"
 RUN = (sys.executable, "-m", "meshlab_svbrdf.cli", "run")
@@ -40,6 +41,7 @@ def run_batch(
     *,
     retries: int = 1,
     reports: bool = False,
+    spread: Spread | None = None,
     say: Callable[[Result], None] = lambda result: None,
 ) -> list[Result]:
     """Run each project as `meshlab-svbrdf run` does; results lie in `folder`/NAME.
@@ -53,12 +55,14 @@ def run_batch(
     options : of `run`, for every project
     retries : further attempts at a project that was killed; an error of its input stays one
     reports : write each project's own report too, folder/NAME/NAME.html
+    spread : workers, each of which runs a project at a time; None: one after the other, here
     """
     folder.mkdir(parents=True, exist_ok=True)
     results: list[Result] = []
     written = time.monotonic()
     try:
-        for result in map(partial(run_project, folder, options, retries, reports), entries):
+        run = partial(run_project, folder, options, retries, reports)
+        for result in spread(run, entries) if spread else map(run, entries):
             results.append(result)
             say(result)
             if time.monotonic() - written > WRITTEN_EVERY:

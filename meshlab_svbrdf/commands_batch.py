@@ -8,10 +8,17 @@ import typer
 
 from .batch import PAGE, TABLE, run_batch
 from .batch_list import DONE, LEFT, Result, read_list
-from .commands import _friendly
+from .commands import _friendly, workers
 
 
-def batch(projects: Path, output: Path, options: list[str], retries: int, reports: bool) -> None:
+def batch(
+    projects: Path,
+    output: Path,
+    options: list[str],
+    retries: int,
+    reports: bool,
+    scheduler: str | None,
+) -> None:
     """Run the chain on every project of a list."""
     with _friendly():
         entries = read_list(projects)
@@ -21,7 +28,11 @@ def batch(projects: Path, output: Path, options: list[str], retries: int, report
             told = result.error or list(result.outcomes.values())[-1]
             typer.echo(f"{result.name:{width}}  {result.state:8} {result.seconds:7.1f} s  {told}")
 
-        results = run_batch(entries, output, options, retries=retries, reports=reports, say=say)
+        with workers(scheduler, output) as spread:
+            results = run_batch(
+                entries, output.absolute(), options, retries=retries, reports=reports,
+                spread=spread, say=say,
+            )  # fmt: skip
         bad = [result.name for result in results if result.state != DONE]
         typer.echo(
             f"{len(results) - len(bad)} of {len(entries)} projects done"
