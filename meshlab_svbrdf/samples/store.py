@@ -13,15 +13,17 @@ import json
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
 from itertools import count, pairwise
 from pathlib import Path
 from tokenize import TokenError
-from typing import NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
 from ..errors import DocumentError
 from ..jit import kernel
+from ..spread import Spread
 from ..threads import thread_count
 from .chunks import (
     COLUMNS,
@@ -44,6 +46,9 @@ UNREADABLE = (
 
 Result = TypeVar("Result")
 
+STEP = 16
+"""Samples that are moved at once: a texel has few in a chunk."""
+
 
 class Block(NamedTuple):
     """The samples of the texels first..stop, texel by texel, in the frames' order.
@@ -65,6 +70,27 @@ class Block(NamedTuple):
     @property
     def quality(self) -> np.ndarray:
         return self.value[:, 3]
+
+
+@kernel
+def _merge(spans, base, first_frame, frame, value, offsets, out_frame, out_value):
+    """Put every texel's samples together, chunk after chunk, in whole steps of `STEP`.
+
+    spans : (C, B + 1), offsets of the texels in the chunks; base : (C,), where a chunk's samples
+    begin in frame and value; these and what is written have room for a step at their end
+    """
+    chunks, k = spans.shape[0], np.uint64(0)
+    for i in range(len(offsets) - 1):
+        for c in range(chunks):
+            n, j = np.uint64(spans[c, i + 1] - spans[c, i]), np.uint64(0)
+            start = np.uint64(base[c] + spans[c, i] - spans[c, 0])
+            while j < n:
+                for s in range(np.uint64(STEP)):
+                    out_frame[k + j + s] = first_frame[c] + np.int32(frame[start + j + s])
+                    out_value[k + j + s] = value[start + j + s]
+                j += np.uint64(STEP)
+            k += n
+        offsets[i + 1] = k
 
 
 @kernel
@@ -124,7 +150,7 @@ def write_store(
                 lambda done: progress(done, frames),
             )  # fmt: skip
 
-        for first, stop, taken in _parts(names, texels, earlier):
+        for first, stop, taken in runs_known(names, texels, earlier):
             for chunk, seen, quality in (
                 [(keep(taken[0]), *taken[1:])] if taken else project(first, stop)
             ):
@@ -139,10 +165,11 @@ def write_store(
     return store
 
 
-def _parts(
+def runs_known(
     names: Sequence[str], texels: int, earlier: Sequence[SampleStore]
 ) -> Iterator[tuple[int, int, Found | None]]:
-    """Runs first..stop of the frames: a chunk of an earlier store, or None where there is none."""
+    """Runs first..stop of the frames of these names: a chunk of an earlier store that has them, or
+    None where none has."""
     known = {
         tuple(store.names[first : first + chunk.frames]): (
             chunk,
@@ -212,12 +239,9 @@ def _check(chunk: Chunk, texels: int, index: int) -> None:
     offsets, frame, value = (chunk.mapped(name) for name in ("offsets", *COLUMNS))
     right = (
         isinstance(chunk.frames, int)
-        and (offsets.dtype, offsets.shape) == (np.uint32, (texels + 1,))
-        and (frame.dtype, value.dtype) == (np.uint8, np.uint8)
-        and frame.shape == (len(value),)
-        and value.shape[1:] == (4,)
+        and len(offsets) == texels + 1
         and offsets[0] == 0
-        and offsets[-1] == len(value)
+        and offsets[-1] == len(frame) == len(value)
         and bool((offsets[1:] >= offsets[:-1]).all())
     )
     if not right:
@@ -231,12 +255,24 @@ def _damaged(folder: Path, why: object) -> DocumentError:
     )
 
 
+@dataclass(frozen=True)
+class _Reading:
+    """Work on a block that is read where the work is done."""
+
+    store: SampleStore
+    work: Callable[[Block], Any]
+
+    def __call__(self, bounds: tuple[int, int]) -> Any:
+        return self.work(self.store.read(*bounds))
+
+
 class SampleStore:
     """Chunks in the frames' order; memory stays at a block, whatever the number of frames.
 
     texels, frames : how many there are; seen : (F,) int64, samples of each frame
     quality : (F,) float64, the mean of a frame's samples
     names : what each frame's samples were made from, "" where that is not known
+    spread : where `rows` has its work done; None: on this process's threads
     """
 
     def __init__(
@@ -254,7 +290,12 @@ class SampleStore:
         self.seen = np.array(seen, np.int64)
         self.quality = np.array(quality, np.float64)
         self.folder: Path | None = None
+        self.spread: Spread | None = None
         self._counts: np.ndarray | None = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What a worker needs of it; of chunks in files that is their place."""
+        return self.__dict__ | {"spread": None, "_counts": None}
 
     @classmethod
     def open(cls, folder: Path) -> SampleStore:
@@ -315,35 +356,36 @@ class SampleStore:
         if self._counts is None:
             total = np.zeros(self.texels, np.int64)
             for chunk in self.chunks:
-                total += np.diff(chunk.read("offsets", 0, self.texels + 1).astype(np.int64))
+                offsets = np.empty(self.texels + 1, np.uint32)
+                chunk.read("offsets", 0, offsets)
+                total += np.diff(offsets)
             total.flags.writeable = False
             self._counts = total
         return self._counts
 
     def read(self, first: int, stop: int) -> Block:
         """The samples of the texels first..stop."""
-        spans = [chunk.read("offsets", first, stop + 1) for chunk in self.chunks]
+        spans = np.empty((len(self.chunks), stop - first + 1), np.uint32)
+        for span, chunk in zip(spans, self.chunks, strict=True):
+            chunk.read("offsets", first, span)
+        sizes = spans[:, -1].astype(np.int64) - spans[:, 0]
+        base = np.concatenate([[0], np.cumsum(sizes)])
+        total = int(base[-1])
+        frames, values = np.empty(total + STEP, np.uint8), np.empty((total + STEP, 4), np.uint8)
+        for chunk, low, (a, b) in zip(self.chunks, spans[:, 0], pairwise(base), strict=True):
+            for name, rows in zip(COLUMNS, (frames, values), strict=True):
+                chunk.read(name, int(low), rows[a:b])
+            self._check_frames(frames[a:b], chunk.frames)
         offsets = np.zeros(stop - first + 1, np.int64)
-        for span in spans:
-            offsets[1:] += np.diff(span.astype(np.int64))
-        np.cumsum(offsets, out=offsets)
-        frame = np.empty(offsets[-1], np.int32)
-        value = np.empty(offsets[-1], np.uint32)
-        cursor = offsets[:-1].copy()
-        for (first_frame, chunk), span in zip(self.placed(), spans, strict=True):
-            low, high = int(span[0]), int(span[-1])
-            frames, values = (chunk.read(name, low, high) for name in COLUMNS)
-            ends = span.astype(np.int64) - low
-            _gather(
-                ends[:-1], ends[1:], frames, words_of(values), first_frame, cursor, frame, value
-            )
-        self._check_frames(frame)
-        return Block(first, stop, offsets, frame, bytes_of(value))
+        frame, value = np.empty(total + STEP, np.int32), np.empty(total + STEP, np.uint32)
+        starts = np.array([first_frame for first_frame, _ in self.placed()], np.int32)
+        _merge(spans, base, starts, frames, words_of(values), offsets, frame, value)
+        return Block(first, stop, offsets, frame[:total], bytes_of(value[:total]))
 
-    def _check_frames(self, frame: np.ndarray) -> None:
+    def _check_frames(self, frame: np.ndarray, frames: int) -> None:
         """Kernels look cameras up by these numbers."""
-        if frame.max(initial=0) >= max(self.frames, 1):
-            raise _damaged(self.folder or Path(), f"a sample is of frame {frame.max()}")
+        if len(frame) and frame.max() >= frames:
+            raise _damaged(self.folder or Path(), f"one is of frame {frame.max()} of {frames}")
 
     def block_bounds(self, samples: int = 1 << 21) -> list[tuple[int, int]]:
         """Ranges of texels with about `samples` samples each; they depend on the store alone."""
@@ -381,6 +423,25 @@ class SampleStore:
                 yield pending.popleft().result()
                 progress(done, len(bounds))
 
+    def rows(
+        self,
+        work: Callable[[Block], Sequence[np.ndarray]],
+        progress: Callable[[int, int], None] = lambda d, t: None,
+    ) -> list[np.ndarray]:
+        """Arrays with a row per texel: `work` gives those of every block, wherever it runs.
+
+        work : as `Spread` wants it
+        """
+        bounds = self.block_bounds()
+        parts = self.spread(_Reading(self, work), bounds) if self.spread else self.stream(work)
+        whole: list[np.ndarray] = []
+        for done, ((first, stop), part) in enumerate(zip(bounds, parts, strict=True), 1):
+            whole = whole or [np.empty((self.texels, *p.shape[1:]), p.dtype) for p in part]
+            for rows, own in zip(whole, part, strict=True):
+                rows[first:stop] = own
+            progress(done, len(bounds))
+        return whole
+
     def read_texels(self, texels: np.ndarray) -> Block:
         """The samples of some texels (n,), as of the texels 0..n of a smaller store."""
         low, high = np.empty((2, len(self.chunks), len(texels)), np.int64)
@@ -394,7 +455,7 @@ class SampleStore:
         for c, (first_frame, chunk) in enumerate(self.placed()):
             frames, values = (chunk.mapped(name) for name in COLUMNS)
             _gather(low[c], high[c], frames, words_of(values), first_frame, cursor, frame, value)
-        self._check_frames(frame)
+        self._check_frames(frame, self.frames)
         return Block(0, len(texels), offsets, frame, bytes_of(value))
 
     def map_texels(
