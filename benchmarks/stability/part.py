@@ -20,7 +20,7 @@ from .guards import try_guards
 from .handmade import try_handmade
 from .honest import judge_film, judge_gloss
 from .hostile import try_formats
-from .interruption import fill_disks, kill_runs
+from .interruption import fill_disks, kill_runs, limit_memory
 
 PART = "stability"
 EXTREMES, FILES, GUARDED, INTERRUPTED = "extremes", "files", "guards", "interrupted"
@@ -29,7 +29,8 @@ SWEEPS: dict[str, ModuleType] = {
     "sums": statistics, "single precision": precision, "lights and gloss": lamps,
     "the chain": chain,
 }  # fmt: skip
-DAMAGED, KILLS, DISKS = 200, 200, 40
+DAMAGED, KILLS, DISKS = 200, 200, 80
+MEGABYTES = (100, 400, 1000, 1500, 1550, 1600, 1700, 1800, 1900, 2000, 2200, 2400, 2800, 3200, 4000)
 
 
 def tasks(only: Sequence[str] = (), films: Sequence[Case] = ()) -> list[Task]:
@@ -48,6 +49,7 @@ def tasks(only: Sequence[str] = (), films: Sequence[Case] = ()) -> list[Task]:
         Task(PART, INTERRUPTED, "killed", f"{KILLS} times", partial(_disturbed, kill_runs, KILLS)),
         Task(PART, INTERRUPTED, "disk full", f"{DISKS} sizes",
              partial(_disturbed, fill_disks, DISKS)),
+        Task(PART, INTERRUPTED, "memory", f"{len(MEGABYTES)} limits", _limited),
         *[Task(PART, HONEST, film.name, "", partial(_honest, film)) for film in films],
         Task(PART, HONEST, "gloss", ", ".join(film.name for film in films),
              partial(_gloss, films)),
@@ -88,6 +90,13 @@ def _disturbed(disturb: Callable[[Path, int], dict[str, Any]], count: int, folde
     return _row(row, row["broke"])
 
 
+def _limited(folder: Path) -> Row:
+    folder.mkdir(parents=True)
+    row = limit_memory(folder, MEGABYTES)
+    broke = [f"{r['megabytes']} MB: {how}" for r in row["memory"] for how in r["broke"]]
+    return _row(row, broke)
+
+
 def _honest(film: Case, folder: Path) -> Row:
     folder.mkdir(parents=True)
     row = judge_film(film, folder)
@@ -124,6 +133,10 @@ def tables(rows: Sequence[Row]) -> list[Table]:
             found.append(_kills(row))
         elif "told" in row:
             found.append(_disks(row))
+        elif "memory" in row:
+            cells = [[f"{r['megabytes']:,}", _short(r["said"].partition(": ")[2]) if r["said"] else
+                      "goes on to its end"] for r in row["memory"]]  # fmt: skip
+            found.append(Table("Limited memory", ["MB of address space", "the run"], cells))
         elif "changes" in row:
             found.append(_changes(row))
         elif "gloss" in row:
