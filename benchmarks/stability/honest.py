@@ -1,7 +1,7 @@
-"""Films that do not fit their mesh, cameras or light, and films that do: what is said, by which number.
+"""Films that do not fit their mesh, cameras or light, and films that do: what is told of each.
 
-Right films are taken as they are, and changed in one way each. What is wrong must be told, and nothing
-of what is right.
+Right films are taken as they are, and changed in one way each. What is wrong must be told, and
+nothing of what is right.
 """
 
 from __future__ import annotations

@@ -130,7 +130,7 @@ def limit_memory(folder: Path, megabytes: Sequence[int]) -> dict[str, Any]:
 
 
 def _in_shell(project: Path, output: Path, limit: int = resource.RLIM_INFINITY) -> tuple[str, Path]:
-    """The errors that a run in a process of its own prints, "" for none; and the result's project."""
+    """What a run in a process of its own says of errors, "" for none; and the result's project."""
     command = [sys.executable, "-m", "meshlab_svbrdf.cli", "run", str(project), "-o", str(output)]
     done = subprocess.run(
         [*command, "--texture-size", "64"], cwd=ROOT, capture_output=True, text=True,

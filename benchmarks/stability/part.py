@@ -29,7 +29,7 @@ SWEEPS: dict[str, ModuleType] = {
     "sums": statistics, "single precision": precision, "lights and gloss": lamps,
     "the chain": chain,
 }  # fmt: skip
-DAMAGED, KILLS, DISKS = 200, 200, 80
+DAMAGED, KILLS, DISKS = 200, 200, 60
 MEGABYTES = (100, 400, 1000, 1500, 1550, 1600, 1700, 1800, 1900, 2000, 2200, 2400, 2800, 3200, 4000)
 
 
