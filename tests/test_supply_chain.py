@@ -58,7 +58,7 @@ def test_text_files_are_utf8_whatever_the_system_prefers(tree):
 
 def test_every_dependency_has_a_lower_bound_and_none_an_upper_one():
     for line in PROJECT["dependencies"]:
-        assert re.fullmatch(r"[A-Za-z0-9-]+>=[0-9.]+", line), line
+        assert re.fullmatch(r"[A-Za-z0-9-]+>=[0-9.]+(post[0-9]+)?", line), line
 
 
 def test_only_batches_and_benchmarks_start_processes():
