@@ -343,6 +343,24 @@ def test_the_order_of_rasters_does_not_matter_where_peaks_do_not(walk, plain, tm
     assert angle(*np.array(found)).max() < 1e-5
 
 
+@pytest.mark.parametrize("given", [{"spacing": 5}, {"frames": 12}, {"spacing": 5, "frames": 12}])
+def test_a_film_whose_camera_stands_still_is_used_and_nothing_is_divided_by_its_step(
+    walk, tmp_path, given
+):
+    def stand(project: Project) -> None:
+        for raster in project.rasters:
+            raster.camera, raster.path = project.rasters[0].camera, project.rasters[0].path
+
+    document = Document.open(edited(walk, tmp_path / "in", stand), tmp_path / "out")
+    run(document, SAMPLES, **small(given))
+    record = document.json("frames")
+    assert record["median_step_degrees"] == 0
+    assert not record["stills"]
+    used = [frame for frame in record["frames"] if "samples" in frame]
+    assert len({frame["samples"] for frame in used}) == 1
+    assert len(used) >= (1 if "frames" in given else 60)
+
+
 def test_stricter_quality_keeps_fewer_samples(walk, tmp_path):
     document = Document.open(walk, tmp_path)
     totals = []
