@@ -27,8 +27,8 @@ PIXELS = 2000  # of each
 def find_brackets(rasters: list[RasterEntry]) -> list[Shots]:
     """Views of the same sequence and camera with different exposures, the middle one first.
 
-    Exposures are the rasters' own, else the photographs'. Views of one raster are none, nor are those
-    whose exposures are alike or not told.
+    Exposures are the rasters' own, else the photographs'. Views of one raster are none, nor are
+    those whose exposures are alike or not told.
     """
     views: dict[tuple, list[RasterEntry]] = {}
     for raster in rasters:
@@ -84,8 +84,8 @@ def measure_response(mesh: Mesh, brackets: list[Shots]) -> Response:
         with Frames([raster for raster, _ in shots]) as frames:
             if any(frames.told(raster)[1] for raster, _ in shots):
                 raise SvbrdfError(
-                    "transfer=estimate works on frames of 8 bits: say what the transfer function of "
-                    "these is"
+                    "transfer=estimate works on frames of 8 bits: say what the transfer function "
+                    "of these is"
                 )
             pictures = np.stack([frames.read(raster) for raster, _ in shots])
         on = rasterise_depth(mesh.vertices, mesh.faces, shots[0][0].camera) > 0

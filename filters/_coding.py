@@ -61,6 +61,8 @@ def with_white(
     if not white:
         level = brightest_diffuse(store, exposure)
         if level == 0:
-            raise SvbrdfError("the frames show the object black: is transfer= what they were filmed by?")
+            raise SvbrdfError(
+                "the frames show the object black: is transfer= what they were filmed by?"
+            )
         white = white_of(level)
     return replace(deep, coding=replace(deep.coding, white=white)), white

@@ -43,7 +43,8 @@ class Deep:
 def read_deep(document: Document) -> Deep | None:
     """What compute_svbrdf_samples wrote of it; None where all frames are 8-bit sRGB."""
     told = document.json("frames")
-    if told.get("coding") is None:
+    coding = Coding.told(told)
+    if coding is None:
         return None
     rasters = {raster.label: raster for raster in document.project.rasters}
     brackets = {
@@ -51,7 +52,7 @@ def read_deep(document: Document) -> Deep | None:
         for frame in told["frames"]
         if frame.get("merged")
     }
-    return Deep(Coding.from_json(told["coding"]), brackets)
+    return Deep(coding, brackets)
 
 
 def shots_of(deep: Deep | None, raster: RasterEntry) -> Shots:

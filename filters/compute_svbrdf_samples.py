@@ -48,15 +48,15 @@ FILTER = Filter(
         ),
         Parameter(
             "transfer", "enum", "auto", choices=("auto", *TRANSFERS, "estimate"),
-            help="What the numbers of coded frames (8 and 16 bits, videos) say of light: sRGB, linear, "
-            "Rec. 709, PQ, HLG, or a camera's log curve. \"auto\": what the video's own tags say of "
-            'PQ, HLG and linear light, else sRGB; "estimate": measured from exposures of the same '
-            "views. OpenEXR, Radiance HDR and TIFF of floats are linear light in any case.",
+            help="What the numbers of coded frames (8 and 16 bits, videos) say of light: sRGB, "
+            "linear, Rec. 709, PQ, HLG, or a camera's log curve. auto: PQ, HLG and linear light "
+            "where a video's tags say so, else sRGB. estimate: measured from exposures of the "
+            "same views. OpenEXR, Radiance HDR and TIFF of floats are linear light in any case.",
         ),
         Parameter(
             "clip", "float", 0.0, minimum=0.0, maximum=LARGEST,
-            help="From where on a channel may have been brighter: of coded frames the signal, 0..1, of "
-            "floats the light. 0: the last codes of coded frames, and no floats.",
+            help="From where on a channel may have been brighter: of coded frames the signal, "
+            "0..1, of floats the light. 0: the last codes of coded frames, and no floats.",
         ),
         Parameter(
             "brackets", "enum", "auto", choices=("auto", "none"),
@@ -65,9 +65,9 @@ FILTER = Filter(
         ),
         Parameter(
             "white", "float", 0.0, minimum=0.0, maximum=LARGEST,
-            help="The light that results call 1, in the frames' own units. 0: 1 where the brightest "
-            "diffuse texels lie in .05 to 1 then, as those of 8-bit sRGB do, else the power of two "
-            "above them.",
+            help="The light that results call 1, in the frames' own units. 0: 1 where the "
+            "brightest diffuse texels lie in .05 to 1 then, as those of 8-bit sRGB do, else the "
+            "power of two above them.",
         ),
         Parameter(
             "unreadable", "enum", "stop", choices=("stop", "skip"),
@@ -118,8 +118,8 @@ FILTER = Filter(
     ),
     help="Projects every frame to the texels: depth test, quality (distance to depth jumps, "
     "nearness, angle), colour interpolated in linear light. Frames are streamed, one after the "
-    "other; the samples go to the sample store, 5 bytes each, or 9 of frames with more than 8 bits. Frames that an earlier run has "
-    "projected alike are not projected again.",
+    "other; the samples go to the sample store, 5 bytes each, or 9 of frames with more than 8 "
+    "bits. Frames that an earlier run has projected alike are not projected again.",
     reference="Palma et al. 2012, §4; Callieri et al. 2008",
 )  # fmt: skip
 

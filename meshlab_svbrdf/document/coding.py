@@ -22,8 +22,8 @@ class Light(NamedTuple):
 
 @dataclass(frozen=True)
 class Coding:
-    """transfer : of coded frames, one of samples.transfer.TRANSFERS; "auto": as the file tells, else
-        sRGB. Floats are linear light in any case.
+    """transfer : of coded frames, one of samples.transfer.TRANSFERS; "auto": as the file tells,
+        else sRGB. Floats are linear light in any case.
     clip : from where on pixels may have been brighter, a signal 0..1 of coded frames, light of
         floats; 0: the last codes, and no floats
     white : the light that results call 1; None: it is not known yet
@@ -62,6 +62,12 @@ class Coding:
         return {
             "transfer": self.transfer, "clip": self.clip, "white": self.white, "response": response,
         }  # fmt: skip
+
+    @classmethod
+    def told(cls, frames: dict[str, Any]) -> Coding | None:
+        """What frames.json tells; None where all frames are 8-bit sRGB."""
+        told = frames.get("coding")
+        return None if told is None else cls.from_json(told)
 
     @classmethod
     def from_json(cls, told: dict[str, Any]) -> Coding:

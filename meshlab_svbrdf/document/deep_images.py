@@ -70,7 +70,8 @@ def read_values(
 
     Raises
     ------
-    DocumentError : as `read_frame`; or floats that are no light: NaN, infinite, negative, too large.
+    DocumentError : as `read_frame`; or floats that are no light: NaN, infinite, negative, too
+        large.
     """
     where = str(path) if label is None else f"raster {label!r}: {path}"
     if is_exr(path):
@@ -98,9 +99,9 @@ def _light(image: np.ndarray, where: str) -> np.ndarray:
     row, col = np.argwhere(bad)[0]
     found = ", ".join(f"{value:g}" for value in image[row, col])
     raise DocumentError(
-        f"{where}: {bad.sum():,} pixels are no light (NaN, infinite, negative, or {LARGEST:.0f} and "
-        f"more), the first in column {col}, row {row}: {found}. Set such pixels to 0 where they show "
-        "nothing, or scale the frames down"
+        f"{where}: {bad.sum():,} pixels are no light (NaN, infinite, negative, or {LARGEST:.0f} "
+        f"and more), the first in column {col}, row {row}: {found}. Set such pixels to 0 where "
+        "they show nothing, or scale the frames down"
     )
 
 

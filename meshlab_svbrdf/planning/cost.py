@@ -143,9 +143,7 @@ def memory_bytes(work: Work, held: int) -> float:
     return PROGRAM_BYTES + max(at_texels, MATERIAL_BYTES * work.texels)
 
 
-def store_bytes(
-    samples: float, texels: float, frames: int, memory: int, bits: int = 8
-) -> float:
+def store_bytes(samples: float, texels: float, frames: int, memory: int, bits: int = 8) -> float:
     """The sample store's size on disk.
 
     memory : bytes of samples that are held before a chunk is written

@@ -17,10 +17,10 @@ def merge(
 ) -> tuple[np.ndarray, float]:
     """The view as the first exposure would show it, and from where on its pixels may be brighter.
 
-    Each exposure tells light / exposure with a variance of (light + FLOOR) / exposure²: noise of the
-    photons, and nearly that of sRGB's codes. Weights are its inverse; light is taken from all
-    exposures, for a weight that saw the pixel's own noise would pull. A pixel that is clipped in any
-    channel does not count; one that is clipped in all exposures is told by the shortest.
+    Each exposure tells light / exposure with a variance of (light + FLOOR) / exposure²: noise of
+    the photons, and nearly that of sRGB's codes. Weights are its inverse; light is taken from all
+    exposures, for a weight that saw the pixel's own noise would pull. A pixel that is clipped in
+    any channel does not count; one that is clipped in all exposures is told by the shortest.
 
     Parameters
     ----------

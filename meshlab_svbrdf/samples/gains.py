@@ -76,7 +76,9 @@ def some_logs(
     samples = samples or max(250_000, PER_FRAME * store.frames)
     stride = max(1, len(store) // samples)
     view = observations.view
-    dark = DARK if store.bits == 8 else int(code_of(np.float32(DARK_LINEAR / np.median(view.scale))))
+    dark = (
+        DARK if store.bits == 8 else int(code_of(np.float32(DARK_LINEAR / np.median(view.scale))))
+    )
 
     def work(block: Block, own: slice) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         most = len(block.frame)

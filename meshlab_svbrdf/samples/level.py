@@ -37,8 +37,8 @@ def brightest_diffuse(store: SampleStore, exposure: np.ndarray) -> float:
 
 
 def white_of(level: float) -> float:
-    """The light that results call 1, so that the brightest diffuse texels lie in .05..1: the frames'
-    own white where that does, else the power of two above them."""
+    """The light that results call 1, so that the brightest diffuse texels lie in .05..1: the
+    frames' own white where that does, else the power of two above them."""
     if level == 0 or LEAST <= level <= MOST:
         return 1.0
     return float(2.0 ** np.ceil(np.log2(level)))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -41,8 +42,8 @@ def estimate_response(stacks: Sequence[np.ndarray], exposures: Sequence[float]) 
 
     Raises
     ------
-    SvbrdfError : the exposures cannot tell: they are too alike, share too few pixels that are neither
-        dark nor clipped, or contradict each other.
+    SvbrdfError : the exposures cannot tell: they are too alike, share too few pixels that are
+        neither dark nor clipped, or contradict each other.
     """
     times = np.asarray(exposures, np.float64)
     cannot = "transfer=estimate: the camera's response cannot be told: "
@@ -58,30 +59,32 @@ def estimate_response(stacks: Sequence[np.ndarray], exposures: Sequence[float]) 
     span = [np.ptp(seen[seen[:, k] > 0, k], axis=0) if shared[:, k].any() else 0 for k in range(3)]
     if shared.sum(0).min() < LEAST_SHARED or min(span) < LEAST_SPAN:
         raise SvbrdfError(
-            f"{cannot}{shared.sum(0).min()} pixels of the object are neither dark nor clipped in two "
-            f"exposures, over {min(span)} codes; {LEAST_SHARED} over {LEAST_SPAN} are needed: take "
-            "exposures that are nearer to each other, or say what the transfer function is"
+            f"{cannot}{shared.sum(0).min()} pixels of the object are neither dark nor clipped in "
+            f"two exposures, over {min(span)} codes; {LEAST_SHARED} over {LEAST_SPAN} are needed: "
+            "take exposures that are nearer to each other, or say what the transfer function is"
         )
     chosen = _spread(codes, shared)
     side = int(np.sqrt(PIXELS))
     pictures = [np.ascontiguousarray(row[chosen].reshape(side, side, 3)) for row in codes]
     solver = cv2.createCalibrateDebevec(samples=PIXELS, lambda_=20.0, random=False)
-    light = np.asarray(solver.process(pictures, times.astype(np.float32)), np.float64).reshape(-1, 3)
+    light = np.asarray(solver.process(pictures, times.astype(np.float32)), np.float64).reshape(
+        -1, 3
+    )
     light = np.maximum.accumulate(light, axis=0)
     light *= decode(np.array(GREY / 255)) / light[GREY]
     light[0] = 0
-    found = Response(light, _disagreement(light, codes, well, times))
-    if not found.disagreement < WORST:
+    told = Response(light, _disagreement(light, codes, well, times))
+    if not told.disagreement < WORST:
         raise SvbrdfError(
-            f"{cannot}its exposures disagree by {found.disagreement:.0%}: something moved, the "
+            f"{cannot}its exposures disagree by {told.disagreement:.0%}: something moved, the "
             "camera changed more than its exposure, or the exposures told are wrong"
         )
-    return found
+    return told
 
 
 def _spread(codes: np.ndarray, shared: np.ndarray) -> np.ndarray:
-    """PIXELS of (K, N, 3) codes, spread evenly over what the middle exposure shows; some twice where
-    there are not so many."""
+    """Which PIXELS of (K, N, 3) codes, spread evenly from dark to bright; some twice where there
+    are not so many."""
     usable = np.flatnonzero(shared.any(-1))
     order = usable[np.argsort(codes.mean((0, 2))[usable], kind="stable")]
     return order[np.linspace(0, len(order) - 1, PIXELS).round().astype(int)]
@@ -93,8 +96,5 @@ def _disagreement(
     told = np.stack([np.log(np.maximum(light[codes[..., k], k], 1e-9)) for k in range(3)], -1)
     told -= np.log(times)[:, None, None]
     order = np.argsort(times)
-    pairs = [
-        np.abs(told[b] - told[a])[well[a] & well[b]]
-        for a, b in zip(order[:-1], order[1:], strict=True)
-    ]
+    pairs = [np.abs(told[b] - told[a])[well[a] & well[b]] for a, b in itertools.pairwise(order)]
     return float(np.median(np.concatenate(pairs)))

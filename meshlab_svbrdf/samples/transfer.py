@@ -4,9 +4,9 @@
     light_of           a frame's pixels to linear light
     clip_level         the light from which its pixels may have been brighter
 
-sRGB is our own; the others are colour-science's (Mansencal et al.). Camera logs and Rec. 709 give the
-light of the scene, a perfect white diffuser being 1; PQ gives the light of its display, 203 cd/m²
-being 1, and HLG the scene's, a signal of 75 % being 1 (BT.2408).
+sRGB is our own; the others are colour-science's (Mansencal et al.). Camera logs and Rec. 709 give
+the light of the scene, a perfect white diffuser being 1; PQ gives the light of its display, 203
+cd/m² being 1, and HLG the scene's, a signal of 75 % being 1 (BT.2408).
 """
 
 from __future__ import annotations
@@ -42,8 +42,8 @@ REC2020_TO_REC709 = np.array(
 )
 """Linear colours of BT.2020's primaries in those of sRGB (BT.2087)."""
 CLIPPED_8, CLIPPED_16 = 254 / 255, 65470 / 65535
-"""Signals from which a pixel may have been brighter: the last code but one of 8 bits; of 16 the last
-one of a video of 10."""
+"""Signals from which a pixel may have been brighter: the last code but one of 8 bits; of 16 the
+last one of a video of 10."""
 CLIPPED_MEAN = 250 / 255
 """The same of the mean of several pixels, of which one alone may have been clipped."""
 

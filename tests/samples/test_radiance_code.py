@@ -15,7 +15,9 @@ CODES = np.arange(1 << 16, dtype=np.uint16)
 
 def test_every_code_comes_back():
     linear = table()
-    assert (np.diff(linear) > 0).all() and linear[0] == 0 and linear[-1] < 1
+    assert (np.diff(linear) > 0).all()
+    assert linear[0] == 0
+    assert linear[-1] < 1
     np.testing.assert_array_equal(encode_radiance(linear * np.float32(LARGEST)), CODES)
     np.testing.assert_array_equal([code_of(x) for x in linear[::97]], CODES[::97])
 

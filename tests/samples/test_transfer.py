@@ -17,7 +17,8 @@ with warnings.catch_warnings():
 def test_decoding_is_the_inverse_of_encoding(name):
     signal = np.linspace(0, 1, 4097)
     light = decode(signal, name)
-    assert np.isfinite(light).all() and (light >= 0).all()
+    assert np.isfinite(light).all()
+    assert (light >= 0).all()
     seen = light > 0  # below its black a curve holds noise only
     # Rec. 709, D-Log and N-Log are published with coefficients that do not quite meet
     tolerance = {"rec709": 3e-4, "dlog": 2e-6, "nlog": 2e-4}.get(name, 1e-9)
