@@ -1,8 +1,8 @@
 """What more than 8 bits buys: one walk around a glossy object, recorded in several ways.
 
 The light is traced once and kept in the cache. A sensor of 30,000 electrons turns it into frames:
-at an exposure that suits the object, as films are (highlights are clipped); at one that clips nothing;
-and at three, merged. Floats are the light itself, without any sensor.
+at an exposure that suits the object, as films are (highlights are clipped); at one that clips
+nothing; and at three, merged. Floats are the light itself, without any sensor.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from pathlib import Path
 
 import numpy as np
 
-from filters.generate_svbrdf_rendering import read_appearance
 from meshlab_svbrdf.document.document import Document
 from meshlab_svbrdf.document.images import write_exr, write_png
 from meshlab_svbrdf.document.mesh_files import write_ply
 from meshlab_svbrdf.document.project import new_project, write_project
 from meshlab_svbrdf.filters._lights import read_lights
+from meshlab_svbrdf.filters.generate_svbrdf_rendering import read_appearance
 from meshlab_svbrdf.geometry.camera import Camera
 from meshlab_svbrdf.rendering.acquisition import AcquisitionRenderer
 from meshlab_svbrdf.samples.luminance import encode, luminance
@@ -40,8 +40,8 @@ PART, SCENE = "hdr", "glossy"
 OPTIONS = Options(
     frames=120, width=240, height=320, samples=2, columns=64, texture=256, clipped=0.06, views=3,
     materials=(
-        Material("terracotta", 0.0, 1.0), Material("lacquer", 0.9, 120.0),
-        Material("brass", 0.7, 40.0),
+        Material("terracotta", 0.0, 1.0), Material("lacquer", 4.0, 200.0),
+        Material("brass", 2.0, 60.0),
     ),
 )  # fmt: skip
 VERSION = 1  # of the film: raise it when equal options give other light

@@ -43,7 +43,7 @@ def encode_radiance(radiance: np.ndarray) -> np.ndarray:
 
 def clipped_code(radiance: float) -> int:
     """The code from which a pixel is clipped that may be brighter than this (infinite: none is)."""
-    return int(encode_radiance(np.array(radiance * (1 - 2.0**-12))))
+    return int(encode_radiance(np.array([radiance * (1 - 2.0**-12)]))[0])
 
 
 def decode_radiance(codes: np.ndarray) -> np.ndarray:
