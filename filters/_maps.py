@@ -41,7 +41,7 @@ def set_diffuse_maps(document: Document, texels: Texels, diffuse: np.ndarray) ->
     if brighter.sum() <= TOO_BRIGHT * observed.sum():
         return []
     return [
-        f"{share(brighter)} of the texels are brighter than 1: clipped in the PNG, not in the EXR"
+        f"{share(brighter)} of the texels exceed 1: clipped in the PNG, not in the EXR"
     ]
 
 
