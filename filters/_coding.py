@@ -39,17 +39,23 @@ def how_frames_are_coded(
         )
     transfer = AUTO if response is not None else parameters.transfer
     coding = Coding(transfer, parameters.clip, None, response)
-    with Frames(rasters) as frames:
-        told = [frames.told(raster) for raster in rasters]
-    names = Counter("measured" if response is not None else coding.name(name) for name, _ in told)
-    if not views and not coding.clip and set(names) == {SRGB} and not any(more for _, more in told):
-        return None, ""
     if response is None:
+        if not views and are_plain(rasters, coding):
+            return None, ""
+        with Frames(rasters) as frames:
+            names = Counter(coding.name(frames.told(raster)[0]) for raster in rasters)
         said.append(f"transfer: {', '.join(name for name, _ in names.most_common())}")
     if views:
         count = sum(len(shots) for shots in views)
         said.append(f"{count} exposures are merged to {len(views)} views")
     return Deep(coding, brackets), "; ".join([*said, "samples of 16 bits"])
+
+
+def are_plain(rasters: list[RasterEntry], coding: Coding) -> bool:
+    """Whether all frames are 8-bit sRGB, of which nothing more is known."""
+    with Frames(rasters) as frames:
+        told = [frames.told(raster) for raster in rasters]
+    return not coding.clip and all(coding.name(name) == SRGB and not deep for name, deep in told)
 
 
 def with_white(

@@ -40,9 +40,7 @@ def set_diffuse_maps(document: Document, texels: Texels, diffuse: np.ndarray) ->
     brighter = np.asarray(linear.max(axis=1) > 1)
     if brighter.sum() <= TOO_BRIGHT * observed.sum():
         return []
-    return [
-        f"{share(brighter)} of the texels exceed 1: clipped in the PNG, not in the EXR"
-    ]
+    return [f"{share(brighter)} of the texels exceed 1: clipped in the PNG, not in the EXR"]
 
 
 def set_scalar_map(
