@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import logging
+import secrets
+import shutil
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -17,13 +19,22 @@ from meshlab_svbrdf.errors import DocumentError
 from meshlab_svbrdf.filter import Namespace
 from meshlab_svbrdf.geometry.mesh import Mesh
 from meshlab_svbrdf.geometry.texels import Texels
+from meshlab_svbrdf.samples.capture import FrameSampler
+from meshlab_svbrdf.samples.chunks import SampledFrame
 from meshlab_svbrdf.samples.radiance_code import clipped_code, encode_radiance
-from meshlab_svbrdf.samples.store import SampleStore, write_store
+from meshlab_svbrdf.samples.store import SampleStore, runs_known, write_store
+from meshlab_svbrdf.spread import Spread
 
 from ._brackets import Shots, read_view
 from ._frames import check_space, frame_sampler, read_reduced
 
 SAMPLES = "compute_svbrdf_samples"
+PARTS = "part-*"
+"""Stores of some frames within one that is being made, each by a worker."""
+TASKS = 12
+"""Into which the frames are parted for workers, but"""
+LEAST, MOST = 16, 64
+"""frames of each, lest offsets take more room than samples, or a worker's death cost much."""
 UNREADABLE = (OSError, ValueError, KeyError, TypeError)  # of a store that is cut off or damaged
 
 log = logging.getLogger("meshlab_svbrdf")
@@ -79,28 +90,95 @@ def project_frames(
     every = [raster for shots in views for raster, _ in shots]
 
     def sample(index: int):
-        if deep is None:
-            image, mask = read_reduced(frames, rasters[index], reduce)
-            return sampler.sample(cameras[index], image, mask)
-        light, mask = read_view(frames, views[index], reduce)
-        codes, clipped = encode_radiance(light.radiance), clipped_code(light.clipped)
-        return sampler.sample(cameras[index], codes, mask, clipped)
+        return _sample(sampler, frames, views[index], reduce, bits)
 
+    memory = parameters.memory << 20
     basis = [document.key("texels"), *vars(sampler.quality).values(), sampler.reference_depth]
     if deep is not None:
         basis.append(replace(deep.coding, white=None).to_json())
-    with Frames(every, deep and deep.coding) as frames, named(folder or Path()):
+    coding = None if deep is None else deep.coding
+    with Frames(every, coding) as frames, named(folder or Path()):
 
         def name(shots: Shots) -> str:
             seen = raster_digest([raster for raster, _ in shots], frames)
             exposures = [exposure for _, exposure in shots] if len(shots) > 1 else []
             return digest([*basis, reduce, seen, *exposures])
 
-        return write_store(
-            folder, len(texels), len(rasters), sample, names=[name(shots) for shots in views],
-            earlier=_readable(document.earlier("samples")) if folder else (),
-            memory=parameters.memory << 20, bits=bits, progress=progress,
+        names = [name(shots) for shots in views]
+        earlier = _readable(document.earlier("samples")) if folder else []
+        if folder is not None and document.spread is not None:
+            work = Projecting(sampler, views, coding, bits, reduce, names, memory, folder)
+            earlier += _elsewhere(document.spread, work, earlier, progress)
+        store = write_store(
+            folder, len(texels), len(rasters), sample, names=names, earlier=earlier,
+            memory=memory, bits=bits, progress=progress,
         )  # fmt: skip
+        for part in folder.glob(PARTS) if folder else ():
+            shutil.rmtree(part)
+        return store
+
+
+@dataclass(frozen=True)
+class Projecting:
+    """Projects the frames first..stop on a worker: a store of these alone, PARTS in `folder`."""
+
+    sampler: FrameSampler
+    views: list[Shots]
+    coding: Coding | None
+    bits: int
+    reduce: int
+    names: list[str]
+    memory: int
+    folder: Path
+
+    def __call__(self, run: tuple[int, int]) -> Path:
+        first, stop = run
+        part = self.folder / PARTS.replace("*", secrets.token_hex(8))
+        views = self.views[first:stop]
+        every = [raster for shots in views for raster, _ in shots]
+        with named(part), Frames(every, self.coding) as frames:
+            part.mkdir()
+
+            def sample(index: int):
+                return _sample(self.sampler, frames, views[index], self.reduce, self.bits)
+
+            write_store(
+                part, len(self.sampler.texels), stop - first, sample,
+                names=self.names[first:stop], memory=self.memory, bits=self.bits,
+            )  # fmt: skip
+        return part
+
+
+def _elsewhere(
+    spread: Spread, work: Projecting, earlier: list[SampleStore], progress
+) -> list[SampleStore]:  # fmt: skip
+    """Stores, made by workers, of the frames that no earlier store has."""
+    lacking = [
+        (first, stop)
+        for first, stop, found in runs_known(work.names, len(work.sampler.texels), earlier)
+        if found is None
+    ]
+    size = min(max(sum(stop - first for first, stop in lacking) // TASKS, LEAST), MOST)
+    runs = [
+        (at, min(at + size, stop)) for first, stop in lacking for at in range(first, stop, size)
+    ]
+    made = []
+    for (_, stop), part in zip(runs, spread(work, runs), strict=True):
+        made.append(SampleStore.open(part))
+        progress(stop, len(work.views))
+    return made
+
+
+def _sample(
+    sampler: FrameSampler, frames: Frames, shots: Shots, reduce: int, bits: int
+) -> SampledFrame:  # fmt: skip
+    raster, _ = shots[0]
+    camera = raster.camera.reduced(reduce)
+    if bits == 8:
+        return sampler.sample(camera, *read_reduced(frames, raster, reduce))
+    light, mask = read_view(frames, shots, reduce)
+    codes, clipped = encode_radiance(light.radiance), clipped_code(light.clipped)
+    return sampler.sample(camera, codes, mask, clipped)
 
 
 def read_samples(document: Document, mesh: Mesh, rasters: list[RasterEntry]) -> SampleStore:
@@ -112,7 +190,9 @@ def read_samples(document: Document, mesh: Mesh, rasters: list[RasterEntry]) -> 
     if run.get("store", "disk") == "disk":
         folder = document.result_folder("samples")
         try:
-            return SampleStore.open(folder)
+            store = SampleStore.open(folder)
+            store.spread = document.spread
+            return store
         except UNREADABLE as error:
             raise DocumentError(
                 f"{folder}: the samples are damaged ({error}): run {SAMPLES} again with --force"
@@ -127,9 +207,9 @@ def read_samples(document: Document, mesh: Mesh, rasters: list[RasterEntry]) -> 
 
 
 def _readable(folders: list[Path]) -> list[SampleStore]:
-    """The stores in these folders, but for those that cannot be read."""
+    """The stores in these folders, and parts of some, but for those that cannot be read."""
     found = []
-    for folder in folders:
+    for folder in [each for own in folders for each in (own, *sorted(own.glob(PARTS)))]:
         try:
             found.append(SampleStore.open(folder))
         except UNREADABLE:

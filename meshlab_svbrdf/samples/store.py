@@ -14,16 +14,19 @@ import json
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
 from itertools import count, pairwise
 from pathlib import Path
-from typing import NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
 from ..jit import kernel
+from ..spread import Spread
 from ..threads import thread_count
 from .chunks import (
     COLUMNS,
+    KINDS,
     MOST_FRAMES,
     TEXEL_BYTES,
     WORDS,
@@ -38,6 +41,9 @@ from .chunks import (
 DESCRIPTION = "store.json"
 
 Result = TypeVar("Result")
+
+STEP = 16
+"""Samples that are moved at once: a texel has few in a chunk."""
 
 
 class Block(NamedTuple):
@@ -60,6 +66,27 @@ class Block(NamedTuple):
     @property
     def quality(self) -> np.ndarray:
         return self.value[:, 3]
+
+
+@kernel
+def _merge(spans, base, first_frame, frame, value, offsets, out_frame, out_value):
+    """Put every texel's samples together, chunk after chunk, in whole steps of `STEP`.
+
+    spans : (C, B + 1), offsets of the texels in the chunks; base : (C,), where a chunk's samples
+    begin in frame and value; these and what is written have room for a step at their end
+    """
+    chunks, k = spans.shape[0], np.uint64(0)
+    for i in range(len(offsets) - 1):
+        for c in range(chunks):
+            n, j = np.uint64(spans[c, i + 1] - spans[c, i]), np.uint64(0)
+            start = np.uint64(base[c] + spans[c, i] - spans[c, 0])
+            while j < n:
+                for s in range(np.uint64(STEP)):
+                    out_frame[k + j + s] = first_frame[c] + np.int32(frame[start + j + s])
+                    out_value[k + j + s] = value[start + j + s]
+                j += np.uint64(STEP)
+            k += n
+        offsets[i + 1] = k
 
 
 @kernel
@@ -121,7 +148,7 @@ def write_store(
                 lambda done: progress(done, frames),
             )  # fmt: skip
 
-        for first, stop, taken in _parts(names, texels, bits, earlier):
+        for first, stop, taken in runs_known(names, texels, earlier):
             for chunk, seen, quality in (
                 [(keep(taken[0]), *taken[1:])] if taken else project(first, stop)
             ):
@@ -136,10 +163,11 @@ def write_store(
     return store
 
 
-def _parts(
-    names: Sequence[str], texels: int, bits: int, earlier: Sequence[SampleStore]
+def runs_known(
+    names: Sequence[str], texels: int, earlier: Sequence[SampleStore]
 ) -> Iterator[tuple[int, int, Found | None]]:
-    """Runs first..stop of the frames: a chunk of an earlier store, or None where there is none."""
+    """Runs first..stop of the frames of these names: a chunk of an earlier store that has them, or
+    None where none has."""
     known = {
         tuple(store.names[first : first + chunk.frames]): (
             chunk,
@@ -147,7 +175,7 @@ def _parts(
             store.quality[first : first + chunk.frames],
         )
         for store in earlier
-        if (store.texels, store.bits) == (texels, bits)
+        if store.texels == texels
         for first, chunk in store.placed()
         if all(store.names[first : first + chunk.frames])
     }
@@ -206,6 +234,17 @@ def _project(
             yield written.result()
 
 
+@dataclass(frozen=True)
+class _Reading:
+    """Work on a block that is read where the work is done."""
+
+    store: SampleStore
+    work: Callable[[Block], Any]
+
+    def __call__(self, bounds: tuple[int, int]) -> Any:
+        return self.work(self.store.read(*bounds))
+
+
 class SampleStore:
     """Chunks in the frames' order; memory stays at a block, whatever the number of frames.
 
@@ -213,6 +252,7 @@ class SampleStore:
     quality : (F,) float64, the mean of a frame's samples
     names : what each frame's samples were made from, "" where that is not known
     bits : of the samples' values, 8 or 16; kind : their type
+    spread : where `rows` has its work done; None: on this process's threads
     """
 
     def __init__(
@@ -231,17 +271,23 @@ class SampleStore:
         self.seen = np.array(seen, np.int64)
         self.quality = np.array(quality, np.float64)
         self.bits = bits
-        self.kind: type = np.uint8 if bits == 8 else np.uint16
+        self.kind = KINDS[bits]
+        self.spread: Spread | None = None
         self._counts: np.ndarray | None = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What a worker needs of it; of chunks in files that is their place."""
+        return self.__dict__ | {"spread": None, "_counts": None}
 
     @classmethod
     def open(cls, folder: Path) -> SampleStore:
         """What `write_store` left in a folder."""
         told = json.loads((folder / DESCRIPTION).read_text())
-        chunks = [FileChunk(folder, k, size) for k, size in enumerate(told["chunks"])]
+        bits = told.get("bits", 8)
+        chunks = [FileChunk(folder, k, size, KINDS[bits]) for k, size in enumerate(told["chunks"])]
         return cls(
             told["texels"], chunks, names=told["names"], seen=told["seen"],
-            quality=told["quality"], bits=told.get("bits", 8),
+            quality=told["quality"], bits=bits,
         )  # fmt: skip
 
     @property
@@ -284,29 +330,32 @@ class SampleStore:
         if self._counts is None:
             total = np.zeros(self.texels, np.int64)
             for chunk in self.chunks:
-                total += np.diff(chunk.read("offsets", 0, self.texels + 1).astype(np.int64))
+                offsets = np.empty(self.texels + 1, np.uint32)
+                chunk.read("offsets", 0, offsets)
+                total += np.diff(offsets)
             total.flags.writeable = False
             self._counts = total
         return self._counts
 
     def read(self, first: int, stop: int) -> Block:
         """The samples of the texels first..stop."""
-        spans = [chunk.read("offsets", first, stop + 1) for chunk in self.chunks]
+        spans = np.empty((len(self.chunks), stop - first + 1), np.uint32)
+        for span, chunk in zip(spans, self.chunks, strict=True):
+            chunk.read("offsets", first, span)
+        sizes = spans[:, -1].astype(np.int64) - spans[:, 0]
+        base = np.concatenate([[0], np.cumsum(sizes)])
+        total = int(base[-1])
+        frames = np.empty(total + STEP, np.uint8)
+        values = np.empty((total + STEP, 4), self.kind)
+        for chunk, low, (a, b) in zip(self.chunks, spans[:, 0], pairwise(base), strict=True):
+            for name, rows in zip(COLUMNS, (frames, values), strict=True):
+                chunk.read(name, int(low), rows[a:b])
         offsets = np.zeros(stop - first + 1, np.int64)
-        for span in spans:
-            offsets[1:] += np.diff(span.astype(np.int64))
-        np.cumsum(offsets, out=offsets)
-        frame = np.empty(offsets[-1], np.int32)
-        value = np.empty(offsets[-1], WORDS[np.dtype(self.kind)])
-        cursor = offsets[:-1].copy()
-        for (first_frame, chunk), span in zip(self.placed(), spans, strict=True):
-            low, high = int(span[0]), int(span[-1])
-            frames, values = (chunk.read(name, low, high) for name in COLUMNS)
-            ends = span.astype(np.int64) - low
-            _gather(
-                ends[:-1], ends[1:], frames, words_of(values), first_frame, cursor, frame, value
-            )
-        return Block(first, stop, offsets, frame, bytes_of(value))
+        frame = np.empty(total + STEP, np.int32)
+        value = np.empty(total + STEP, WORDS[np.dtype(self.kind)])
+        starts = np.array([first_frame for first_frame, _ in self.placed()], np.int32)
+        _merge(spans, base, starts, frames, words_of(values), offsets, frame, value)
+        return Block(first, stop, offsets, frame[:total], bytes_of(value[:total]))
 
     def block_bounds(self, samples: int = 1 << 21) -> list[tuple[int, int]]:
         """Ranges of texels with about `samples` samples each; they depend on the store alone."""
@@ -343,6 +392,25 @@ class SampleStore:
                     pending.append(pool.submit(lambda a, b: work(self.read(a, b)), first, stop))
                 yield pending.popleft().result()
                 progress(done, len(bounds))
+
+    def rows(
+        self,
+        work: Callable[[Block], Sequence[np.ndarray]],
+        progress: Callable[[int, int], None] = lambda d, t: None,
+    ) -> list[np.ndarray]:
+        """Arrays with a row per texel: `work` gives those of every block, wherever it runs.
+
+        work : as `Spread` wants it
+        """
+        bounds = self.block_bounds()
+        parts = self.spread(_Reading(self, work), bounds) if self.spread else self.stream(work)
+        whole: list[np.ndarray] = []
+        for done, ((first, stop), part) in enumerate(zip(bounds, parts, strict=True), 1):
+            whole = whole or [np.empty((self.texels, *p.shape[1:]), p.dtype) for p in part]
+            for rows, own in zip(whole, part, strict=True):
+                rows[first:stop] = own
+            progress(done, len(bounds))
+        return whole
 
     def read_texels(self, texels: np.ndarray) -> Block:
         """The samples of some texels (n,), as of the texels 0..n of a smaller store."""
