@@ -80,7 +80,8 @@ def coding_of(path: Path) -> VideoCoding:
     """What a video's head says of its pixels; DocumentError as `opened`."""
     with opened(path) as (_, stream):
         context = stream.codec_context
-        bits = max((part.bits for part in context.format.components), default=8)
+        parts = context.format.components if context.format else ()
+        bits = max((part.bits for part in parts), default=8)
         return VideoCoding(
             TRANSFERS.get(int(context.color_trc), "srgb"),
             bits > 8,

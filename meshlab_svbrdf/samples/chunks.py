@@ -33,7 +33,10 @@ HELD_BYTES = TEXEL_BYTES + 4
 """A sample's, before it is transposed: its texel and its value."""
 KINDS: dict[int, type] = {8: np.uint8, 16: np.uint16}
 """Types of values, by their bits."""
-WORDS = {np.dtype(np.uint8): np.dtype(np.uint32), np.dtype(np.uint16): np.dtype(np.uint64)}
+WORDS: dict[np.dtype[Any], np.dtype[Any]] = {
+    np.dtype(np.uint8): np.dtype(np.uint32),
+    np.dtype(np.uint16): np.dtype(np.uint64),
+}
 """Four numbers as one, by their type."""
 
 

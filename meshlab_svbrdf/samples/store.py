@@ -346,7 +346,7 @@ class SampleStore:
         base = np.concatenate([[0], np.cumsum(sizes)])
         total = int(base[-1])
         frames = np.empty(total + STEP, np.uint8)
-        values = np.empty((total + STEP, 4), self.kind)
+        values: np.ndarray = np.empty((total + STEP, 4), self.kind)
         for chunk, low, (a, b) in zip(self.chunks, spans[:, 0], pairwise(base), strict=True):
             for name, rows in zip(COLUMNS, (frames, values), strict=True):
                 chunk.read(name, int(low), rows[a:b])
