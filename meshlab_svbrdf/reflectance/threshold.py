@@ -7,12 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..jit import kernel
+from ..power import FAST
+from ..ranks import smallest
 from ..samples.observations import (
     Observations,
-    color,
     longest,
-    relative_luminance,
 )
+from .rows import luminances, read_row
 
 MINIMUM_SAMPLES = 8
 """Texels with fewer samples are unobserved."""
@@ -40,28 +41,56 @@ class LuminanceStatistics:
 
 
 @kernel
+def _keep(quality, cut, red, green, blue):
+    """Move the colours of good enough samples to the front; how many they are."""
+    kept = 0
+    for j in range(len(quality)):
+        kept += 1 if quality[j] >= cut else 0
+    if kept == len(quality):
+        return kept
+    n = 0
+    for j in range(len(quality)):
+        if quality[j] >= cut:
+            red[n], green[n], blue[n] = red[j], green[j], blue[j]
+            n += 1
+    return n
+
+
+@kernel(fastmath=FAST)
+def _total(n, red, green, blue, y):
+    r, g, b, total = 0.0, 0.0, 0.0, 0.0
+    for j in range(n):
+        r, g, b, total = r + red[j], g + green[j], b + blue[j], total + y[j]
+    return r, g, b, total
+
+
+@kernel(fastmath=FAST)
+def _deviation(y, mu):
+    total = 0.0
+    for j in range(len(y)):
+        total += abs(y[j] - mu)
+    return total / len(y)
+
+
+@kernel
 def _threshold(block, view, cut, least, threshold, mean, minimum, rgb, samples):
-    """cut : quality, 0..127"""
-    ys = np.empty(longest(block.offsets, 0, block.stop - block.first), np.float32)
+    """cut : quality, 0..1"""
+    rows = np.empty((6, longest(block.offsets, 0, block.stop - block.first)), np.float32)
     for i in range(block.stop - block.first):
-        red, green, blue, total, low, n = 0.0, 0.0, 0.0, 0.0, np.float32(np.inf), 0
-        for j in range(block.offsets[i], block.offsets[i + 1]):
-            if block.value[j, 3] & 127 >= cut:
-                r, g, b = color(block, view, j)
-                y = relative_luminance(r, g, b)
-                red, green, blue, total = red + r, green + g, blue + b, total + y
-                low = min(low, y)
-                ys[n] = y
-                n += 1
-        t = block.first + i
+        t, first = block.first + i, block.offsets[i]
+        n = block.offsets[i + 1] - first
+        red, green, blue, quality, y = rows[0, :n], rows[1, :n], rows[2, :n], rows[3, :n], rows[4]
+        read_row(block, view, first, n, red, green, blue, quality, rows[5])
+        n = _keep(quality, cut, red, green, blue)
         samples[t] = n
         if n < least:
             continue
-        mu, deviation = total / n, 0.0
-        for j in range(n):
-            deviation += abs(ys[j] - mu)
-        threshold[t], mean[t], minimum[t] = mu + deviation / n, mu, low
-        rgb[t, 0], rgb[t, 1], rgb[t, 2] = red / n, green / n, blue / n
+        luminances(n, red, green, blue, y)
+        r, g, b, total = _total(n, red, green, blue, y)
+        mu = total / n
+        threshold[t], mean[t] = mu + _deviation(y[:n], mu), mu
+        minimum[t] = smallest(y[:n])
+        rgb[t, 0], rgb[t, 1], rgb[t, 2] = r / n, g / n, b / n
 
 
 def luminance_threshold(
@@ -74,7 +103,7 @@ def luminance_threshold(
     count = len(observations.texels)
     threshold, mean, minimum = (np.full(count, np.nan, np.float32) for _ in range(3))
     rgb, samples = np.full((count, 3), np.nan, np.float32), np.zeros(count, np.int32)
-    cut = int(np.rint(minimum_quality * 127))
+    cut = np.float32(np.rint(minimum_quality * 127)) / np.float32(127)
 
     def work(block):
         _threshold(
