@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +20,7 @@ from ..samples.observations import (
     mirrors,
     visibility,
 )
+from ..samples.store import Block
 from ..threads import thread_count
 from .directions import (
     look_up,
@@ -253,7 +255,7 @@ def _diffuse(block, view, threshold, minimum, lit, letter, method, out):
             bound = float(quantile(ys, 0.25))
         # Average the colours below the bound (eq. 6)
         limit = np.float32(bound + 1e-4)
-        out[t, 0], out[t, 1], out[t, 2] = _mean_below(ys, limit, quality, red, green, blue)
+        out[i, 0], out[i, 1], out[i, 2] = _mean_below(ys, limit, quality, red, green, blue)
 
 
 def diffuse_color(
@@ -291,13 +293,15 @@ def diffuse_color(
         rays[:, 2].copy(), np.hypot(rays[:, 0], rays[:, 1]), np.arctan2(rays[:, 1], rays[:, 0]),
         cone_weights(cone, cone_kernel).astype(np.float32),
     )  # fmt: skip
-    out = np.full((len(observations.texels), 3), np.nan, np.float32)
+    work = partial(
+        _block_diffuse, observations.view, statistics.threshold, statistics.minimum, lit,
+        weights == "s", METHODS.index(method),
+    )  # fmt: skip
+    return observations.store.rows(work, progress)[0]
 
-    def work(block):
-        _diffuse(
-            block, observations.view, statistics.threshold, statistics.minimum, lit,
-            weights == "s", METHODS.index(method), out,
-        )  # fmt: skip
 
-    observations.store.map(work, progress)
-    return out
+def _block_diffuse(view, threshold, minimum, lit, letter, method, block: Block):
+    """D of a block's texels."""
+    out = np.full((block.stop - block.first, 3), np.nan, np.float32)
+    _diffuse(block, view, threshold, minimum, lit, letter, method, out)
+    return (out,)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -11,8 +12,10 @@ from ..power import FAST
 from ..ranks import smallest
 from ..samples.observations import (
     Observations,
+    View,
     longest,
 )
+from ..samples.store import Block
 from .rows import luminances, read_row
 
 MINIMUM_SAMPLES = 8
@@ -77,20 +80,20 @@ def _threshold(block, view, cut, least, threshold, mean, minimum, rgb, samples):
     """cut : quality, 0..1"""
     rows = np.empty((6, longest(block.offsets, 0, block.stop - block.first)), np.float32)
     for i in range(block.stop - block.first):
-        t, first = block.first + i, block.offsets[i]
+        first = block.offsets[i]
         n = block.offsets[i + 1] - first
         red, green, blue, quality, y = rows[0, :n], rows[1, :n], rows[2, :n], rows[3, :n], rows[4]
         read_row(block, view, first, n, red, green, blue, quality, rows[5])
         n = _keep(quality, cut, red, green, blue)
-        samples[t] = n
+        samples[i] = n
         if n < least:
             continue
         luminances(n, red, green, blue, y)
         r, g, b, total = _total(n, red, green, blue, y)
         mu = total / n
-        threshold[t], mean[t] = mu + _deviation(y[:n], mu), mu
-        minimum[t] = smallest(y[:n])
-        rgb[t, 0], rgb[t, 1], rgb[t, 2] = r / n, g / n, b / n
+        threshold[i], mean[i] = mu + _deviation(y[:n], mu), mu
+        minimum[i] = smallest(y[:n])
+        rgb[i, 0], rgb[i, 1], rgb[i, 2] = r / n, g / n, b / n
 
 
 def luminance_threshold(
@@ -100,15 +103,15 @@ def luminance_threshold(
 
     Since |μ − m| ≤ E|X − m| ≤ E|X − μ|, t bounds the median m from above.
     """
-    count = len(observations.texels)
+    work = partial(_block_statistics, observations.view, int(np.rint(minimum_quality * 127)))
+    return LuminanceStatistics(*observations.store.rows(work, progress))
+
+
+def _block_statistics(view: View, cut: int, block: Block) -> tuple[np.ndarray, ...]:
+    """The fields of `LuminanceStatistics` for a block's texels."""
+    count = block.stop - block.first
     threshold, mean, minimum = (np.full(count, np.nan, np.float32) for _ in range(3))
     rgb, samples = np.full((count, 3), np.nan, np.float32), np.zeros(count, np.int32)
-    cut = np.float32(np.rint(minimum_quality * 127)) / np.float32(127)
-
-    def work(block):
-        _threshold(
-            block, observations.view, cut, MINIMUM_SAMPLES, threshold, mean, minimum, rgb, samples
-        )
-
-    observations.store.map(work, progress)
-    return LuminanceStatistics(threshold, mean, minimum, rgb, samples)
+    least = np.float32(cut) / np.float32(127)
+    _threshold(block, view, least, MINIMUM_SAMPLES, threshold, mean, minimum, rgb, samples)
+    return threshold, mean, minimum, rgb, samples
