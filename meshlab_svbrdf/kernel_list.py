@@ -27,7 +27,7 @@ def listed() -> list[tuple[Any, tuple[types.Type, ...]]]:
 
 
 def to_json(kernel: Any, arguments: tuple[types.Type, ...]) -> list[Any]:
-    """[MODULE:NAME, [argument …]]: a scalar or an array as "DTYPE" or "DTYPE DIMENSIONS LAYOUT",
+    """[MODULE:NAME, [argument …]]: scalars and arrays as "DTYPE" and "DTYPE DIMENSIONS LAYOUT",
     with "readonly" where it is; a tuple as [type, …], a named one as {"MODULE:NAME": [type, …]}."""
     return [_name(kernel.py_func), [_argument(each) for each in arguments]]
 
@@ -49,6 +49,8 @@ def _type(told: Any) -> types.Type:
         return types.BaseTuple.from_types(tuple(map(_type, parts)), _named(name))
     if isinstance(told, list):
         return types.BaseTuple.from_types(tuple(map(_type, told)))
+    if told == "none":
+        return types.none
     dtype, *array = told.split()
     scalar = from_dtype(np.dtype(dtype))
     if not array:

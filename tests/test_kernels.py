@@ -22,6 +22,7 @@ AHEAD = [sys.executable, "-m", "meshlab_svbrdf.compile_ahead"]
     [
         types.int64,
         types.boolean,
+        types.none,
         types.Array(types.float32, 2, "C"),
         types.Array(types.uint8, 1, "A", readonly=True),
         types.UniTuple(types.float64, 4),

@@ -55,27 +55,17 @@ def _options(project: Path, output: Path, estimator: str) -> list[str]:
     return [str(project), "-o", str(output), *(word for each in given.items() for word in each)]
 
 
-def list_kernels(estimator: str = "joint") -> dict[str, Any]:
-    """What is compiled for the interpreter, where nothing is yet and there is but one core."""
+def list_kernels(project: str, output: str) -> dict[str, Any]:
+    """What a run compiles for the interpreter, where nothing is yet and there is but one core."""
     from typer.testing import CliRunner
 
     from ..cli import app
 
     noted = _Noted()
     event.register("numba:compile", noted)
-    with tempfile.TemporaryDirectory(prefix="svbrdf-kernels-") as place:
-        project = make_workload(Path(place), TINY_FRAMES, TINY).project
-        CliRunner().invoke(
-            app, ["run", *_options(project, Path(place) / "out", estimator)], catch_exceptions=False
-        )
-    bench = __package__
-    return {
-        "kernels": [
-            to_json(kernel, arguments)
-            for kernel, arguments in noted.found
-            if not kernel.py_func.__module__.startswith(bench)
-        ]
-    }
+    words = ["run", *_options(Path(project), Path(output), "joint")]
+    CliRunner().invoke(app, words, catch_exceptions=False)
+    return {"kernels": [to_json(kernel, arguments) for kernel, arguments in noted.found]}
 
 
 class _Noted(event.Listener):
@@ -98,8 +88,12 @@ def main() -> None:
     from ..kernel_list import LIST
     from .machine import measure
 
-    with tempfile.TemporaryDirectory(prefix="svbrdf-kernels-") as cache:
-        told = measure("list", 1, {"NUMBA_CACHE_DIR": cache})["kernels"]
+    with tempfile.TemporaryDirectory(prefix="svbrdf-kernels-") as place:
+        project = make_workload(Path(place), TINY_FRAMES, TINY).project
+        told = measure(
+            "list", 1, {"NUMBA_CACHE_DIR": f"{place}/kernels"},
+            project=str(project), output=f"{place}/out",
+        )["kernels"]  # fmt: skip
     lines = ",\n".join(json.dumps(entry) for entry in told)
     Path(str(LIST)).write_text(f"[\n{lines}\n]\n", encoding="utf-8")
     print(f"{len(told)} kernels", file=sys.stderr)
