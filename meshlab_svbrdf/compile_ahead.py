@@ -20,7 +20,12 @@ def main() -> None:
     kernels = listed()
     gc.disable()  # numba's objects live until the end
     ended = threading.Event()
-    threading.Thread(target=lambda: (os.read(0, 1), ended.set()), daemon=True).start()
+
+    def wait() -> None:
+        os.read(0, 1)
+        ended.set()
+
+    threading.Thread(target=wait, daemon=True).start()
     for kernel, arguments in reversed(kernels):
         if ended.is_set():
             return
@@ -36,5 +41,5 @@ def _save(file: Any, key: Any, data: Any) -> None:
 
 
 if __name__ == "__main__":
-    IndexDataCacheFile.save = _save
+    setattr(IndexDataCacheFile, "save", _save)  # noqa: B010
     main()

@@ -32,13 +32,13 @@ def to_json(kernel: Any, arguments: tuple[types.Type, ...]) -> list[Any]:
     return [_name(kernel.py_func), [_argument(each) for each in arguments]]
 
 
-def _argument(each: types.Type) -> Any:
+def _argument(each: Any) -> Any:
     if isinstance(each, types.Array):
         readonly = " readonly" * (not each.mutable)
         return f"{each.dtype} {each.ndim} {each.layout}{readonly}"
-    if isinstance(each, types.BaseTuple):
+    if isinstance(each, (types.UniTuple, types.Tuple, types.NamedTuple, types.NamedUniTuple)):
         parts = [_argument(part) for part in each.types]
-        named = isinstance(each, types.BaseNamedTuple)
+        named = isinstance(each, (types.NamedTuple, types.NamedUniTuple))
         return {_name(each.instance_class): parts} if named else parts
     return str(each)
 

@@ -44,8 +44,13 @@ def compiling(say: Callable[[str], None]) -> Iterator[None]:
         yield
 
 
-def _second() -> subprocess.Popen[bytes]:
+@contextmanager
+def _second() -> Iterator[None]:
     """It ends when its input does, after the kernel that it is at."""
     command = [sys.executable, "-P", "-m", f"{__package__}.compile_ahead"]
     quiet = subprocess.DEVNULL
-    return subprocess.Popen(command, stdin=subprocess.PIPE, stdout=quiet, stderr=quiet)
+    process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=quiet, stderr=quiet)
+    try:
+        yield
+    finally:
+        process.communicate()
