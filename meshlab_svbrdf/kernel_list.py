@@ -36,10 +36,12 @@ def _argument(each: Any) -> Any:
     if isinstance(each, types.Array):
         readonly = " readonly" * (not each.mutable)
         return f"{each.dtype} {each.ndim} {each.layout}{readonly}"
-    if isinstance(each, (types.UniTuple, types.Tuple, types.NamedTuple, types.NamedUniTuple)):
+    is_tuple, is_named = (
+        isinstance(each, kind) for kind in (types.BaseTuple, types.BaseNamedTuple)
+    )
+    if is_tuple:
         parts = [_argument(part) for part in each.types]
-        named = isinstance(each, (types.NamedTuple, types.NamedUniTuple))
-        return {_name(each.instance_class): parts} if named else parts
+        return {_name(each.instance_class): parts} if is_named else parts
     return str(each)
 
 
