@@ -66,6 +66,11 @@ def read_deep(document: Document) -> Deep | None:
     return Deep(coding, brackets)
 
 
+def bits_of(deep: Deep | None) -> int:
+    """Of the samples' values."""
+    return 8 if deep is None else 16
+
+
 def shots_of(deep: Deep | None, raster: RasterEntry) -> Shots:
     """The rasters that make the view that a raster stands for."""
     own: Shots = [(raster, 1.0)]
@@ -84,20 +89,19 @@ def project_frames(
     """
     cameras = [raster.camera.reduced(reduce) for raster in rasters]
     sampler = frame_sampler(mesh, texels, cameras, parameters, reduce)
-    bits = 8 if deep is None else 16
+    bits = bits_of(deep)
     check_space(folder, sampler, cameras, parameters.memory << 20, bits)
     views = [shots_of(deep, raster) for raster in rasters]
     every = [raster for shots in views for raster, _ in shots]
 
     def sample(index: int):
-        return _sample(sampler, frames, views[index], reduce, bits)
+        return _sample(sampler, frames, rasters[index], views[index], reduce, deep)
 
     memory = parameters.memory << 20
     basis = [document.key("texels"), *vars(sampler.quality).values(), sampler.reference_depth]
     if deep is not None:
         basis.append(replace(deep.coding, white=None).to_json())
-    coding = None if deep is None else deep.coding
-    with Frames(every, coding) as frames, named(folder or Path()):
+    with Frames(every, deep.coding if deep else None) as frames, named(folder or Path()):
 
         def name(shots: Shots) -> str:
             seen = raster_digest([raster for raster, _ in shots], frames)
@@ -107,7 +111,7 @@ def project_frames(
         names = [name(shots) for shots in views]
         earlier = _readable(document.earlier("samples")) if folder else []
         if folder is not None and document.spread is not None:
-            work = Projecting(sampler, views, coding, bits, reduce, names, memory, folder)
+            work = Projecting(sampler, rasters, views, reduce, deep, names, memory, folder)
             earlier += _elsewhere(document.spread, work, earlier, progress)
         store = write_store(
             folder, len(texels), len(rasters), sample, names=names, earlier=earlier,
@@ -123,10 +127,10 @@ class Projecting:
     """Projects the frames first..stop on a worker: a store of these alone, PARTS in `folder`."""
 
     sampler: FrameSampler
+    rasters: list[RasterEntry]
     views: list[Shots]
-    coding: Coding | None
-    bits: int
     reduce: int
+    deep: Deep | None
     names: list[str]
     memory: int
     folder: Path
@@ -134,17 +138,19 @@ class Projecting:
     def __call__(self, run: tuple[int, int]) -> Path:
         first, stop = run
         part = self.folder / PARTS.replace("*", secrets.token_hex(8))
-        views = self.views[first:stop]
-        every = [raster for shots in views for raster, _ in shots]
-        with named(part), Frames(every, self.coding) as frames:
+        every = [raster for shots in self.views[first:stop] for raster, _ in shots]
+        with named(part), Frames(every, self.deep.coding if self.deep else None) as frames:
             part.mkdir()
 
             def sample(index: int):
-                return _sample(self.sampler, frames, views[index], self.reduce, self.bits)
+                own = first + index
+                return _sample(
+                    self.sampler, frames, self.rasters[own], self.views[own], self.reduce, self.deep
+                )
 
             write_store(
                 part, len(self.sampler.texels), stop - first, sample,
-                names=self.names[first:stop], memory=self.memory, bits=self.bits,
+                names=self.names[first:stop], memory=self.memory, bits=bits_of(self.deep),
             )  # fmt: skip
         return part
 
@@ -155,7 +161,9 @@ def _elsewhere(
     """Stores, made by workers, of the frames that no earlier store has."""
     lacking = [
         (first, stop)
-        for first, stop, found in runs_known(work.names, len(work.sampler.texels), earlier)
+        for first, stop, found in runs_known(
+            work.names, len(work.sampler.texels), bits_of(work.deep), earlier
+        )
         if found is None
     ]
     size = min(max(sum(stop - first for first, stop in lacking) // TASKS, LEAST), MOST)
@@ -165,17 +173,18 @@ def _elsewhere(
     made = []
     for (_, stop), part in zip(runs, spread(work, runs), strict=True):
         made.append(SampleStore.open(part))
-        progress(stop, len(work.views))
+        progress(stop, len(work.rasters))
     return made
 
 
 def _sample(
-    sampler: FrameSampler, frames: Frames, shots: Shots, reduce: int, bits: int
+    sampler: FrameSampler, frames: Frames, raster: RasterEntry, shots: Shots, reduce: int,
+    deep: Deep | None,
 ) -> SampledFrame:  # fmt: skip
-    raster, _ = shots[0]
     camera = raster.camera.reduced(reduce)
-    if bits == 8:
-        return sampler.sample(camera, *read_reduced(frames, raster, reduce))
+    if deep is None:
+        image, mask = read_reduced(frames, raster, reduce)
+        return sampler.sample(camera, image, mask)
     light, mask = read_view(frames, shots, reduce)
     codes, clipped = encode_radiance(light.radiance), clipped_code(light.clipped)
     return sampler.sample(camera, codes, mask, clipped)

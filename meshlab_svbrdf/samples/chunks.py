@@ -31,9 +31,7 @@ TEXEL_BYTES = 4
 """A sample's, before it is transposed, besides its value."""
 HELD_BYTES = TEXEL_BYTES + 4
 """A sample's, before it is transposed: its texel and its value."""
-KINDS: dict[int, type] = {8: np.uint8, 16: np.uint16}
-"""Types of values, by their bits."""
-WORDS: dict[np.dtype[Any], np.dtype[Any]] = {
+WORDS: dict[Any, np.dtype[Any]] = {
     np.dtype(np.uint8): np.dtype(np.uint32),
     np.dtype(np.uint16): np.dtype(np.uint64),
 }
@@ -70,20 +68,16 @@ class MemoryChunk:
     def save(self, folder: Path, index: int) -> FileChunk:
         for name, column in self._columns.items():
             np.save(_path(folder, index, name), column)
-        return FileChunk(folder, index, self.frames, self._columns["value"].dtype.type)
+        return FileChunk(folder, index, self.frames)
 
 
 class FileChunk:
     """A chunk in files, neither mapped nor kept open: many frames make many files."""
 
-    def __init__(self, folder: Path, index: int, frames: int, kind: type = np.uint8) -> None:
-        """kind : of the values"""
+    def __init__(self, folder: Path, index: int, frames: int) -> None:
         self.frames = frames
-        self._rows = ROWS | {"value": (kind, (4,))}
         self._paths = {name: _path(folder, index, name) for name in ROWS}
-        self._layout = {
-            name: _layout(path, *self._rows[name]) for name, path in self._paths.items()
-        }
+        self._layout = {name: _layout(path, *ROWS[name]) for name, path in self._paths.items()}
 
     def read(self, name: str, first: int, rows: np.ndarray[Any, Any]) -> None:
         with open(self._paths[name], "rb", buffering=0) as file:
@@ -96,7 +90,7 @@ class FileChunk:
 
     def mapped(self, name: str) -> np.ndarray[Any, Any]:
         start, shape = self._layout[name]
-        return np.asarray(np.memmap(self._paths[name], self._rows[name][0], "r", start, shape))
+        return np.asarray(np.memmap(self._paths[name], ROWS[name][0], "r", start, shape))
 
     def save(self, folder: Path, index: int) -> FileChunk:
         """Shared with the other folder where the disk can: chunks are never written into."""
@@ -105,7 +99,7 @@ class FileChunk:
                 os.link(path, _path(folder, index, name))
             except OSError:
                 shutil.copyfile(path, _path(folder, index, name))
-        return FileChunk(folder, index, self.frames, self._rows["value"][0])
+        return FileChunk(folder, index, self.frames)
 
 
 def _path(folder: Path, index: int, name: str) -> str:

@@ -22,7 +22,7 @@ _LAST = (1 << 16) - 1
 def code_of(linear):
     """The code of a float32 ≥ 0 in units of LARGEST."""
     bits = np.int64(np.float32(linear).view(np.uint32))
-    code = ((bits + np.int64(1 << (_DROPPED - 1))) >> np.int64(_DROPPED)) - np.int64(_FIRST)
+    code = ((bits + (1 << (_DROPPED - 1))) >> _DROPPED) - _FIRST
     return np.uint16(min(max(code, np.int64(0)), np.int64(_LAST)))
 
 

@@ -26,7 +26,6 @@ from ..spread import Spread
 from ..threads import thread_count
 from .chunks import (
     COLUMNS,
-    KINDS,
     MOST_FRAMES,
     TEXEL_BYTES,
     WORDS,
@@ -148,7 +147,7 @@ def write_store(
                 lambda done: progress(done, frames),
             )  # fmt: skip
 
-        for first, stop, taken in runs_known(names, texels, earlier):
+        for first, stop, taken in runs_known(names, texels, bits, earlier):
             for chunk, seen, quality in (
                 [(keep(taken[0]), *taken[1:])] if taken else project(first, stop)
             ):
@@ -164,7 +163,7 @@ def write_store(
 
 
 def runs_known(
-    names: Sequence[str], texels: int, earlier: Sequence[SampleStore]
+    names: Sequence[str], texels: int, bits: int, earlier: Sequence[SampleStore]
 ) -> Iterator[tuple[int, int, Found | None]]:
     """Runs first..stop of the frames of these names: a chunk of an earlier store that has them, or
     None where none has."""
@@ -175,7 +174,7 @@ def runs_known(
             store.quality[first : first + chunk.frames],
         )
         for store in earlier
-        if store.texels == texels
+        if (store.texels, store.bits) == (texels, bits)
         for first, chunk in store.placed()
         if all(store.names[first : first + chunk.frames])
     }
@@ -271,7 +270,7 @@ class SampleStore:
         self.seen = np.array(seen, np.int64)
         self.quality = np.array(quality, np.float64)
         self.bits = bits
-        self.kind = KINDS[bits]
+        self.kind: type = np.uint8 if bits == 8 else np.uint16
         self.spread: Spread | None = None
         self._counts: np.ndarray | None = None
 
@@ -283,11 +282,10 @@ class SampleStore:
     def open(cls, folder: Path) -> SampleStore:
         """What `write_store` left in a folder."""
         told = json.loads((folder / DESCRIPTION).read_text())
-        bits = told.get("bits", 8)
-        chunks = [FileChunk(folder, k, size, KINDS[bits]) for k, size in enumerate(told["chunks"])]
+        chunks = [FileChunk(folder, k, size) for k, size in enumerate(told["chunks"])]
         return cls(
             told["texels"], chunks, names=told["names"], seen=told["seen"],
-            quality=told["quality"], bits=bits,
+            quality=told["quality"], bits=told.get("bits", 8),
         )  # fmt: skip
 
     @property
