@@ -15,8 +15,8 @@ SHELL = {
     "pickle.load", "pickle.loads", "marshal.loads", "subprocess.getoutput",
     "subprocess.getstatusoutput",
 }  # fmt: skip
-# What pathlib has no equal for: `..` taken out without following links
-PATHS = {"os.path.normpath", "os.path.relpath", "os.path.abspath"}
+# What pathlib has no equal for: `..` taken out without following links, and many files asked after
+PATHS = {"os.path.normpath", "os.path.relpath", "os.path.abspath", "os.path.isfile"}
 UNSAFE_XML = {"xml.dom", "xml.sax", "lxml"}  # one reader, which refuses entities
 LONE_FORKS = {"os.fork", "os.forkpty", "pty"}  # of POSIX alone
 
