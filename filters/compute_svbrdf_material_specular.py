@@ -49,7 +49,7 @@ FILTER = Filter(
             "than .1 % or a tenth of its error.",
         ),
         Parameter(
-            "samples", "int", 1_500_000, minimum=10_000,
+            "samples", "int", 750_000, minimum=10_000,
             help="About how many samples the joint fit holds in memory, about 60 bytes each.",
         ),
         Parameter(
