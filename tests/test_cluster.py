@@ -108,17 +108,15 @@ def test_a_full_disk_is_said_and_what_was_done_is_kept(there, here, client):
     same_samples(there, here)
 
 
-def test_lack_of_memory_is_said(there, client):
-    client.run(troubles.without_memory)
+def test_lack_of_memory_is_said(client):
     with pytest.raises(SvbrdfError, match=r"Unable to allocate .* \(on the worker tcp:"):
-        run(there, SAMPLES, **SMALL)
+        list(Cluster(client)(np.empty, [1 << 45]))
 
 
-def test_a_task_that_kills_its_workers_is_given_up(there, client):
+def test_a_task_that_kills_its_workers_is_given_up(client):
     client.cluster.scheduler.allowed_failures = 0
-    client.run(troubles.dying)
-    with pytest.raises(SvbrdfError, match=r"the workers that had a task died of it"):
-        run(there, SAMPLES, **SMALL)
+    with pytest.raises(SvbrdfError, match="the workers that had a task died of it"):
+        list(Cluster(client)(troubles.die, [0]))
 
 
 def test_what_is_wrong_with_a_scheduler_is_said(client, tmp_path, monkeypatch):
