@@ -12,6 +12,7 @@
     python -m benchmarks stability [--scene extremes|files|guards|…]
     python -m benchmarks materials [--scene …]    areas of one material, found and edited by hand
     python -m benchmarks page                     how long the page of `view` lets one wait
+    python -m benchmarks cluster                  workers, bytes moved, 10,000 objects on paper
     python -m benchmarks --all --docs             everything, into the documentation
 
 Scenes are rendered once into the cache. Every row is kept in --out as soon as it is there; the same
@@ -35,6 +36,7 @@ from meshlab_svbrdf.errors import SvbrdfError
 from . import (
     ablation,
     accuracy,
+    cluster,
     export,
     materials,
     page,
@@ -55,7 +57,7 @@ from .stability import part as stability
 SLOW = "mitsuba"  # this peer is compared over time, on one scene
 _PARTS = (
     accuracy, timing, ablation, photographs, performance, registration, export, relighting,
-    stability, materials, page,
+    stability, materials, page, cluster,
 )  # fmt: skip
 PARTS = {part.PART: part for part in _PARTS}
 
@@ -137,6 +139,10 @@ def wanted(arguments: argparse.Namespace, ledger: Ledger) -> tuple[list[Task], l
         found, missing = page.tasks(
             min(arguments.frames, page.FRAMES), size or page.TEXELS, arguments.cache
         )
+        tasks += found
+        notes.extend(missing)
+    if cluster.PART in parts:
+        found, missing = cluster.tasks(arguments.frames, size or 1024, arguments.cache)
         tasks += found
         notes.extend(missing)
     return tasks, list(dict.fromkeys(notes))

@@ -9,6 +9,7 @@ from meshlab_svbrdf.presets import PRESETS
 from . import (
     ablation,
     accuracy,
+    cluster,
     export,
     materials,
     page,
@@ -29,6 +30,7 @@ RELIT = {"relighting": ROOT / "docs" / "albedo.md", "rendering": ROOT / "docs" /
 STABILITY = ROOT / "docs" / "stability.md"
 MATERIALS, VIEW = ROOT / "docs" / "materials.md", ROOT / "docs" / "view.md"
 PICTURE = ROOT / "docs" / "images" / "accuracy_time.png"
+SCALING = ROOT / "docs" / "scaling.md"
 EXPORT = ROOT / "docs" / "export.md"
 EXPORT_PICTURE = ROOT / "docs" / "images" / "export.png"
 PARTS = (accuracy, timing, ablation, photographs)
@@ -54,7 +56,7 @@ def write_documents(rows: Mapping[str, Sequence[Row]]) -> None:
     if own := rows.get(export.PART):
         splice(EXPORT, export.PART, "\n\n".join(each.markdown() for each in export.tables(own)))
         export.picture(own, EXPORT_PICTURE)
-    for part, path in ((materials, MATERIALS), (page, VIEW)):
+    for part, path in ((materials, MATERIALS), (page, VIEW), (cluster, SCALING)):
         if own := rows.get(part.PART):
             splice(path, part.PART, "\n\n".join(each.markdown() for each in part.tables(own)))
     if own := rows.get(performance.PART):
