@@ -32,6 +32,7 @@ from rich.console import Console
 
 from meshlab_svbrdf.document.document import Document
 from meshlab_svbrdf.errors import SvbrdfError
+from meshlab_svbrdf.threads import quieten_blas
 
 from . import (
     ablation,
@@ -63,6 +64,7 @@ PARTS = {part.PART: part for part in _PARTS}
 
 
 def main() -> None:
+    quieten_blas()
     arguments = _arguments()
     if arguments.result:
         judge = time_page if arguments.part == page.PART else judge_result

@@ -13,6 +13,7 @@ from typing import Annotated
 import typer
 
 from .bench.command import bench
+from .threads import quieten_blas
 
 app = typer.Typer(
     help="How an object reflects light, recovered from an ordinary video of it.",
@@ -455,6 +456,7 @@ app.command()(bench)
 
 
 def main() -> None:
+    quieten_blas()
     app()
 
 

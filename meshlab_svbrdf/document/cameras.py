@@ -107,8 +107,12 @@ def read_camera(element: Element, where: str) -> Camera:
     )
 
 
-def write_camera(element: Element, camera: Camera, *, binary: bool = False) -> None:
+def write_camera(
+    element: Element, camera: Camera, *, binary: bool = False, told: Camera | None = None
+) -> None:
     """Set the VCGCamera attributes of `element`, unless it says this camera already.
+
+    told : the camera that it is known to say; None: it is read
 
     fx comes back exactly, and fy where pixels are square; else fy, cx, cy within one rounding.
 
@@ -116,7 +120,9 @@ def write_camera(element: Element, camera: Camera, *, binary: bool = False) -> N
     ------
     DocumentError : `camera` would not be read back (not finite, no rotation, no focal length).
     """
-    if "FocalMm" in element.attrib and same_camera(read_camera(element, "the camera"), camera):
+    if "FocalMm" in element.attrib and same_camera(
+        told or read_camera(element, "the camera"), camera
+    ):
         _change_kind(element, binary)
         return
     rotation = np.eye(4)
@@ -156,7 +162,7 @@ def _change_kind(element: Element, binary: bool) -> None:
 
 def same_camera(a: Camera, b: Camera) -> bool:
     """Whether two cameras agree in every bit."""
-    return all(np.array_equal(getattr(a, name), getattr(b, name)) for name in vars(a))
+    return a is b or all(np.array_equal(getattr(a, name), getattr(b, name)) for name in vars(a))
 
 
 def decode_numbers(

@@ -77,6 +77,7 @@ class Document(Products):
         self.layers = [Layer(m.label, m.path, m.matrix, m.visible, entry=m) for m in project.meshes]
         self.spread: Spread | None = None
         self._told = ""
+        self._remembered: list[Any] | None = None  # what `remember` wrote last
         self._placing: dict[str, Any] | None = None  # rasters that the filter that runs now sets
 
     @classmethod
@@ -345,7 +346,7 @@ class Document(Products):
             if self._placing is not None:
                 place_rasters(self.project, self.folder, plain(self._placing))
             elif "rasters" in filter.needs:
-                remember(self.project, self.layers, self.folder)
+                self._remember()
         return outcome
 
     def stale(self, product: str) -> str:
@@ -395,8 +396,11 @@ class Document(Products):
         if self.folder.is_dir():
             with self.results.locked():
                 remove_leftovers(self.path.parent, self.path.stem)
-                remember(self.project, self.layers, self.folder)
+                self._remember()
         return self.path
+
+    def _remember(self) -> None:
+        self._remembered = remember(self.project, self.layers, self.folder, self._remembered)
 
     def _own_results(self) -> None:
         """Before results change, copy those that another project lent, and names of its videos."""
@@ -452,28 +456,32 @@ def raster_digest(rasters: list[RasterEntry], frames: Frames | None = None) -> s
         )
     frames = frames or Frames(rasters)
     sequences = list(dict.fromkeys(raster.sequence for raster in rasters))
+    numbers = _camera_numbers([raster.camera for raster in rasters])
     return digest(
         [
             [
                 r.label,
-                _camera_numbers(r),
+                camera,
                 frames.stamp(r),
                 None if r.mask is None else file_stamp(r.mask),
                 r.exposure,
                 sequences.index(r.sequence),
             ]
-            for r in rasters
+            for r, camera in zip(rasters, numbers, strict=True)
         ]
     )
 
 
-def _camera_numbers(raster: RasterEntry) -> list[Any]:
+def _camera_numbers(cameras: list[Camera]) -> list[list[Any]]:
     """Rounded to nine digits: writing a project in its other format may turn the last one."""
-    camera = raster.camera
-    digits = 9 - int(np.ceil(np.log10(max(np.abs(camera.t).max(), 1e-9))))
-    intrinsics = [camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy]
-    numbers = [np.round(intrinsics, 6), np.round(camera.R, 9), np.round(camera.t, digits)]
-    return [(values + 0.0).tolist() for values in numbers]
+    intrinsics = np.array([[c.width, c.height, c.fx, c.fy, c.cx, c.cy] for c in cameras])
+    turns, shifts = np.array([c.R for c in cameras]), np.array([c.t for c in cameras])
+    digits = 9 - np.ceil(np.log10(np.maximum(np.abs(shifts).max(1), 1e-9))).astype(int)
+    for count in np.unique(digits):
+        shifts[digits == count] = np.round(shifts[digits == count], count)
+    numbers = np.round(intrinsics, 6), np.round(turns, 9), shifts
+    lists = [(values + 0.0).tolist() for values in numbers]
+    return [list(each) for each in zip(*lists, strict=True)]
 
 
 def _words(parameters: Any) -> dict[str, Any]:

@@ -13,10 +13,12 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from .cameras import COUNTS, decode_numbers, same_camera
+from .frames import file_stamp
 from .layers import Layer
 from .project import MeshEntry, Project, RasterEntry, write_project
 from .project_entries import read_mesh_entry, read_raster_entry
@@ -27,15 +29,35 @@ SIX_DIGITS = 6e-6  # half a unit of the sixth digit, and single precision's erro
 ATTRIBUTES = ("svbrdf_sequence", "svbrdf_exposure", "svbrdf_mask")
 
 
-def remember(project: Project, layers: Iterable[Layer], folder: Path) -> None:
-    """Write the rasters, and the layers of the user's that have a file, to FOLDER/exact.mlp."""
+def remember(
+    project: Project, layers: Iterable[Layer], folder: Path, known: list[Any] | None = None
+) -> list[Any]:
+    """Write the rasters, and the layers of the user's that have a file, to FOLDER/exact.mlp.
+
+    Returns what was written and the file's stamp; known : what an earlier call returned, to write
+    nothing where all is as it was.
+    """
     meshes = [
         MeshEntry(layer.label, layer.path, layer.matrix)
         for layer in layers
         if not layer.ours and layer.path is not None
     ]
-    root = ET.Element("MeshLabProject")
-    write_project(Project(project.path, meshes, project.rasters, root), folder / EXACT)
+    path = folder / EXACT
+    said: list[Any] = [(mesh.label, mesh.path, mesh.matrix.tobytes()) for mesh in meshes]
+    said += map(_said, project.rasters)
+    if known != [said, file_stamp(path)]:
+        root = ET.Element("MeshLabProject")
+        write_project(Project(project.path, meshes, project.rasters, root), path)
+    return [said, file_stamp(path)]
+
+
+def _said(raster: RasterEntry) -> tuple[Any, ...]:
+    """All of a raster that can change, to be compared."""
+    entry, camera = dict(vars(raster)), vars(raster.camera)
+    for name in ("element", "told", "camera"):
+        del entry[name]
+    turn, shift = raster.camera.R.tobytes(), raster.camera.t.tobytes()
+    return (*entry.values(), *(camera[n] for n in camera if n not in "Rt"), turn, shift)
 
 
 def restore(project: Project, folder: Path) -> str:
@@ -107,7 +129,8 @@ def _rounded(values: np.ndarray, exact: np.ndarray) -> bool:
 def _restore_camera(raster: RasterEntry, exact: RasterEntry) -> bool:
     if same_camera(raster.camera, exact.camera):
         return False
-    raster.camera, _element(raster).attrib = exact.camera, dict(_element(exact).attrib)
+    raster.camera = raster.told = exact.camera
+    _element(raster).attrib = dict(_element(exact).attrib)
     return True
 
 

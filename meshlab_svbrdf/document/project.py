@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import xml.etree.ElementTree as ET
 from collections import Counter
 from dataclasses import dataclass
@@ -17,6 +16,7 @@ from .project_entries import (
     RasterEntry,
     absolute,
     checked_matrix,
+    copied,
     folder_name,
     mask_beside,
     mesh_element,
@@ -142,7 +142,7 @@ def write_project(project: Project, path: str | Path) -> None:
     """
     path = absolute(path)
     moved = project.path is None or path.parent != project.path.parent
-    root = copy.deepcopy(project.root)
+    root = copied(project.root)
     meshes = [mesh_element(mesh, project.path, path, moved) for mesh in project.meshes]
     rasters = [raster_element(raster, project.path, path, moved) for raster in project.rasters]
     for tag, item, elements in (

@@ -10,6 +10,7 @@ import json
 import os
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
+from functools import lru_cache
 from math import isfinite
 from pathlib import Path
 from typing import Any
@@ -125,8 +126,9 @@ def video_frames(paths: Iterable[Path]) -> dict[Path, VideoFrame]:
     }
 
 
+@lru_cache(1 << 14)
 def relative(path: Path, folder: Path) -> str:
-    """`path` as seen from `folder`, with forward slashes."""
+    """`path` as seen from `folder`, both absolute, with forward slashes."""
     try:
         return Path(os.path.relpath(path, folder)).as_posix()
     except ValueError:  # another drive on Windows has no relative path

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..jit import kernel
+from .groups import walk
 from .mesh import Mesh
 
 
@@ -87,18 +88,6 @@ def _cover(corners, faces, owner, barycentric):
                     )
 
 
-def _morton(position: np.ndarray) -> np.ndarray:
-    """Interleaved 10-bit codes of positions (T, 3): a walk along which neighbours stay near."""
-    low, extent = position.min(0), max(float(np.ptp(position, axis=0).max()), 1e-30)
-    code = np.zeros(len(position), np.uint32)
-    for axis in range(3):
-        x = ((position[:, axis] - low[axis]) / extent * 1023).astype(np.uint32)
-        for shift, mask in ((16, 0x030000FF), (8, 0x0300F00F), (4, 0x030C30C3), (2, 0x09249249)):
-            x = (x | (x << np.uint32(shift))) & np.uint32(mask)
-        code |= x << np.uint32(axis)
-    return code
-
-
 def rasterise_texels(mesh: Mesh, sizes: tuple[tuple[int, int], ...]) -> Texels:
     """Rasterise the UV charts of `mesh` into texture images of the given (height, width) sizes.
 
@@ -134,7 +123,7 @@ def rasterise_texels(mesh: Mesh, sizes: tuple[tuple[int, int], ...]) -> Texels:
     )
     normal = np.einsum("tc,tcd->td", barycentric, mesh.vertex_normals().astype(np.float32)[corners])
     normal = _unit_or_face(normal, mesh, face)
-    order = np.argsort(_morton(position), kind="stable") if len(face) else np.arange(0)
+    order = walk(position) if len(face) else np.arange(0)
     return Texels(
         np.ascontiguousarray(position[order]), np.ascontiguousarray(normal[order]),
         face[order], barycentric[order], texture[order],

@@ -168,8 +168,9 @@ def _seam_share(mesh: Mesh, texture: np.ndarray) -> float:
     turned = ends[:, 0] > ends[:, 1]
     corners[turned] = corners[turned][:, ::-1]
     ends.sort(axis=1)
-    order = np.lexsort((ends[:, 1], ends[:, 0]))
-    shared = (ends[order[1:]] == ends[order[:-1]]).all(axis=1)
+    edge = ends[:, 0].astype(np.int64) * len(mesh.vertices) + ends[:, 1]
+    order = np.argsort(edge, kind="stable")
+    shared = edge[order[1:]] == edge[order[:-1]]
     first, second = order[:-1][shared], order[1:][shared]
     place = np.column_stack([mesh.uv.reshape(-1, 2), np.repeat(texture, 3)])
     apart = np.abs(place[corners[first]] - place[corners[second]]).max(axis=(1, 2)) > 1e-5
@@ -185,7 +186,8 @@ def _skewed_share(mesh: Mesh) -> float:
     along, side = b - a, c - a
     length = np.linalg.norm(along, axis=1)
     twice = np.linalg.norm(np.cross(along, side), axis=1)
-    good = twice > 0
+    twice[np.isnan(twice)] = 0
+    good = (twice > 0) & np.isfinite(mesh.uv).all(axis=(1, 2))
 
     # The map's columns in a frame of the face: along its first edge, and across it
     u, v = mesh.uv[good, 1] - mesh.uv[good, 0], mesh.uv[good, 2] - mesh.uv[good, 0]
@@ -193,9 +195,11 @@ def _skewed_share(mesh: Mesh) -> float:
     first = u / length
     foot = (along[good] * side[good]).sum(1, keepdims=True) / length
     second = (v - first * foot) / (area[:, None] / length)
-    stretch = np.linalg.svd(np.nan_to_num(np.stack([first, second], 2)), compute_uv=False)
-    skewed = stretch[:, 0] > OUT_OF_SHAPE * stretch[:, 1]
-    return float(area[skewed].sum() / area.sum()) if len(area) else 0.0
+    # Stretches p ≥ q: p > n q exactly where p² + q² > (n + 1/n) p q
+    squares = (first**2 + second**2).sum(1)
+    product = np.abs(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0])
+    skewed = squares > (OUT_OF_SHAPE + 1 / OUT_OF_SHAPE) * product
+    return float(area[skewed].sum() / twice.sum()) if twice.any() else 0.0
 
 
 def _starved_share(

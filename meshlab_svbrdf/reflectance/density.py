@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from KDEpy import FFTKDE
 
 MINIMUM_TEXELS = 16
 """Materials with fewer texels that show a peak are unobserved."""
@@ -53,6 +52,8 @@ def highest_bell(
     if not width > 1e-9 * max(abs(low), abs(high), 1e-9):
         x, f = np.array([low, high]), np.array([np.inf, np.inf])
     else:
+        from KDEpy import FFTKDE  # takes most of a second
+
         x = np.linspace(low - 3 * width, high + 3 * width, 1024)
         f = FFTKDE(bw=width).fit(inner).evaluate(x)
         peak = int(np.argmax(f))

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
-from ..geometry.raster import rasterise_depth
+from ..geometry.raster import DepthMaps
 
 JUMP = 0.03  # depth step between neighbouring pixels that counts as a jump, in radii
 
@@ -50,7 +50,8 @@ class Surface:
         self.center, self.scale = given.center, given.radius
         self.mesh = replace(given, vertices=(given.vertices - self.center) / self.scale)
         self.vertices, self.faces = self.mesh.vertices, self.mesh.faces
-        self.front = -_outward(self.vertices, self.faces) if self.mesh.is_closed() else 0
+        front = -_outward(self.vertices, self.faces) if self.mesh.is_closed() else 0
+        self.depth_maps = DepthMaps(self.vertices, self.faces, front)
         low, high = self.vertices.min(0), self.vertices.max(0)
         self.box = np.stack(np.meshgrid(*np.stack([low, high], 1)), -1).reshape(-1, 3)
 
@@ -72,7 +73,7 @@ class Surface:
         if right - left < 2 or bottom - top < 2:
             return None
         camera = camera.cropped(left, top, right, bottom)
-        inverse_depth = rasterise_depth(self.vertices, self.faces, camera, self.front)
+        inverse_depth = self.depth_maps.of(camera)
         inside = np.zeros((0, 0), np.float32)
         if jumps:
             smooth = _smooth(inverse_depth, JUMP)

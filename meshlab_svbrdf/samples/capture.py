@@ -8,9 +8,9 @@ import cv2
 import numpy as np
 
 from ..geometry.camera import Camera
+from ..geometry.groups import GROUP, faces_away, group
 from ..geometry.mesh import Mesh
-from ..geometry.raster import rasterise_depth
-from ..geometry.texel_groups import GROUP, faces_away, group_texels
+from ..geometry.raster import DepthMaps
 from ..geometry.texels import Texels
 from ..jit import kernel
 from .chunks import SampledFrame
@@ -71,15 +71,26 @@ def _mark_jumps(inverse_depth, step, smooth):
             )
 
 
+# Rows of a group's tables, numbers and indices: quality is what depth and angle leave, 0 where the
+# camera cannot see the texel; nearest a depth jump or a border; right of and below the pixel
+DEPTH, COSINE, QUALITY, NEAREST, RIGHT, BELOW, SURFACE = range(0, 7 * GROUP, GROUP)
+PIXEL, PLACE, SEEN = range(0, 3 * GROUP, GROUP)
+
+
 @kernel
 def _project(
-    position, normal, first, count, R, t, intrinsics, eye, size, cut, reference_depth, out
+    position, normal, first, count, R, t, intrinsics, eye, size, crop, cut, reference_depth,
+    numbers, indices,
 ):  # fmt: skip
-    """Project `count` texels from `first` on: rows of `out` (5, GROUP) are column, row, depth,
-    cosine, and the quality that depth and angle leave, 0 where the camera cannot see them."""
+    """Project `count` texels from `first` on, to the tables of the rows named above.
+
+    size : the image's last column and row, and how many values a row of it has
+    crop : left, top, width, height of the depth map in the image
+    """
     # The compiler makes this loop eight texels wide if all that it reads are slices and numbers
     fx, fy, cx, cy = intrinsics
-    width, height = size
+    width, height, stride = size
+    left, top, columns, rows = crop
     ex, ey, ez = eye[0], eye[1], eye[2]
     r00, r01, r02, tx = R[0, 0], R[0, 1], R[0, 2], t[0]
     r10, r11, r12, ty = R[1, 0], R[1, 1], R[1, 2], t[1]
@@ -87,8 +98,7 @@ def _project(
     stop = first + count
     px, py, pz = position[0, first:stop], position[1, first:stop], position[2, first:stop]
     nx, ny, nz = normal[0, first:stop], normal[1, first:stop], normal[2, first:stop]
-    column, row, depth, cosine, left = out[0], out[1], out[2], out[3], out[4]
-    zero, one = np.float32(0), np.float32(1)
+    zero, half, one = np.float32(0), np.float32(0.5), np.float32(1)
     for k in range(count):
         vx, vy, vz = ex - px[k], ey - py[k], ez - pz[k]
         facing = vx * nx[k] + vy * ny[k] + vz * nz[k]
@@ -98,9 +108,33 @@ def _project(
         y = fy * (r10 * px[k] + r11 * py[k] + r12 * pz[k] + ty) / z + cy
         near = min(reference_depth / z, one)
         quality = near * near * cos
-        seen = (cos > 0) & (z > 0) & (x >= 0) & (y >= 0) & (x < width) & (y < height)
-        column[k], row[k], depth[k], cosine[k] = x, y, z, cos
-        left[k] = quality if seen & (quality >= cut) else zero
+        before = (cos > 0) & (z > 0) & (x >= 0) & (y >= 0) & (x < width) & (y < height)
+        before &= quality >= cut
+        x, y = x if before else zero, y if before else zero
+        numbers[DEPTH + k], numbers[COSINE + k] = z, cos
+        numbers[QUALITY + k] = quality if before else zero
+        numbers[NEAREST + k] = min(min(x, width - x), min(y, height - y)) + half
+        # The pixel left above, and the nearest one's place in the depth map
+        col, row = np.int32(x), np.int32(y)
+        numbers[RIGHT + k], numbers[BELOW + k] = x - np.float32(col), y - np.float32(row)
+        indices[PIXEL + k] = row * stride + col * np.int32(3)
+        col, row = np.int32(x + half) - left, np.int32(y + half) - top
+        inside = (col >= 0) & (row >= 0) & (col < columns) & (row < rows)
+        indices[PLACE + k] = row * columns + col if inside else np.int32(0)
+
+
+@kernel
+def _judge(numbers, indices, border, occlusion, cut):
+    """Whether something lies before the texels, and their quality by the distance to the border
+    too: a loop that the compiler makes eight texels wide."""
+    one, zero = np.float32(1), np.float32(0)
+    for k in range(GROUP):
+        w = numbers[SURFACE + k]
+        behind = (numbers[DEPTH + k] * w - one) * numbers[COSINE + k]
+        quality = min(numbers[NEAREST + k] / border, one) * numbers[QUALITY + k]
+        seen = (w > zero) & (behind <= occlusion * w) & (quality >= cut) & (quality > zero)
+        numbers[QUALITY + k] = quality
+        indices[SEEN + k] = seen
 
 
 @kernel
@@ -112,45 +146,45 @@ def _sample(
     """Test, weigh and sample the texels, in their order; returns how many are seen.
 
     inverse_depth and distance are crops of the image from column and row `origin` on.
+    out_texel, out_value : with room for all texels and one more
     """
     steps = np.float32(len(to_code) - 1)
     one, half = np.float32(1), np.float32(0.5)
-    right, bottom = np.float32(image.shape[1] - 1), np.float32(image.shape[0] - 1)
-    projected = np.empty((5, GROUP), np.float32)
-    pixels = image.ravel()  # unsigned offsets into it need no test for negative ones
-    right_of, below = np.uint64(3), np.uint64(3 * image.shape[1])
+    stride = np.int32(3 * image.shape[1])
+    size = (np.float32(image.shape[1] - 1), np.float32(image.shape[0] - 1), stride)
+    rows, columns = inverse_depth.shape
+    crop = (np.int32(origin[0]), np.int32(origin[1]), np.int32(columns), np.int32(rows))
+    numbers, indices = np.zeros(7 * GROUP, np.float32), np.zeros(3 * GROUP, np.int32)
+    # Unsigned offsets into flat arrays need no test for negative ones
+    pixels, surface, smooth = image.ravel(), inverse_depth.ravel(), distance.ravel()
+    right_of, below = np.uint64(3), np.uint64(stride)
     n = 0
     for g in range(len(groups.radius)):
-        if faces_away(groups, g, eye, cut):
+        if faces_away(groups, g, eye):
             continue
         first = g * GROUP
         count = min(GROUP, position.shape[1] - first)
         _project(
-            position, normal, first, count, R, t, intrinsics, eye, (right, bottom), cut,
-            reference_depth, projected,
+            position, normal, first, count, R, t, intrinsics, eye, size, crop, cut,
+            reference_depth, numbers, indices,
         )  # fmt: skip
         for k in range(count):
-            if projected[4, k] <= 0:
-                continue
-            # Test whether something lies before it
-            x, y, z = projected[0, k], projected[1, k], projected[2, k]
-            col, row = np.int64(x + half) - origin[0], np.int64(y + half) - origin[1]
-            if not (0 <= row < inverse_depth.shape[0] and 0 <= col < inverse_depth.shape[1]):
-                continue
-            w = inverse_depth[row, col]
-            if w <= 0 or (z * w - one) * projected[3, k] > occlusion * w:
-                continue
-            # Weigh by the distance to the border too
-            d = min(distance[row, col], min(min(x, right - x), min(y, bottom - y)) + half)
-            quality = min(d / border, one) * projected[4, k]
-            if quality < cut or not quality > 0:
-                continue
+            place = np.uint64(indices[PLACE + k])
+            numbers[SURFACE + k] = surface[place]
+            numbers[NEAREST + k] = min(smooth[place], numbers[NEAREST + k])
+        _judge(numbers, indices, border, occlusion, cut)
+        # List what is seen, without branches: it cannot be foretold
+        found = n
+        for k in range(count):
+            out_texel[found] = first + k
+            found += indices[SEEN + k]
+        for i in range(n, found):
             # Sample bilinearly in linear light
-            c0, r0 = np.int64(x), np.int64(y)
-            a, b = x - np.float32(c0), y - np.float32(r0)
+            own = np.uint64(out_texel[i] - first)
+            a, b = numbers[RIGHT + own], numbers[BELOW + own]
             w00, w01 = (one - b) * (one - a), (one - b) * a
             w10, w11 = b * (one - a), b * a
-            at = np.uint64((r0 * image.shape[1] + c0) * 3)
+            at = np.uint64(indices[PIXEL + own])
             brightest = np.uint8(0)
             for channel in (np.uint64(0), np.uint64(1), np.uint64(2)):
                 p00, p01 = pixels[at + channel], pixels[at + right_of + channel]
@@ -162,11 +196,10 @@ def _sample(
                     + w10 * to_linear[p10]
                     + w11 * to_linear[p11]
                 )
-                out_value[n, channel] = to_code[np.uint64(linear * steps + half)]
-            out_texel[n] = first + k
+                out_value[i, channel] = to_code[np.uint64(linear * steps + half)]
             clipped = np.uint8(128) if brightest >= limit else np.uint8(0)
-            out_value[n, 3] = np.uint8(quality * np.float32(127) + half) | clipped
-            n += 1
+            out_value[i, 3] = np.uint8(numbers[QUALITY + own] * np.float32(127) + half) | clipped
+        n = found
     return n
 
 
@@ -200,14 +233,14 @@ class FrameSampler:
         self.position, self.normal = (
             np.array(values.T, np.float32, order="C") for values in (texels.position, texels.normal)
         )
-        self.groups = group_texels(texels)
-        self.vertices = mesh.vertices - texels.center
-        self.faces = mesh.faces
-        self.front = -mesh.winding() if mesh.is_closed() else 0
-        low, high = self.vertices.min(0), self.vertices.max(0)
-        self.box = np.stack(np.meshgrid(*np.stack([low, high], 1)), -1).reshape(-1, 3)
         self.reference_depth = reference_depth
         self.quality = quality or Quality()
+        self.groups = group(texels.position, texels.normal, self.quality.cut)
+        vertices = mesh.vertices - texels.center
+        front = -mesh.winding() if mesh.is_closed() else 0
+        self.depth_maps = DepthMaps(vertices, mesh.faces, front)
+        low, high = vertices.min(0), vertices.max(0)
+        self.box = np.stack(np.meshgrid(*np.stack([low, high], 1)), -1).reshape(-1, 3)
 
     def sample(
         self, camera: Camera, image: np.ndarray, mask: np.ndarray | None = None
@@ -232,13 +265,11 @@ class FrameSampler:
         camera = camera.about(texels.center)
         left, top, right, bottom = _window(camera, self.box)
         count = len(texels) if left < right and top < bottom else 0
-        texel, value = np.empty(count, np.int32), np.empty((count, 4), np.uint8)
+        texel, value = np.empty(count + 1, np.int32), np.empty((count + 1, 4), np.uint8)
         if count == 0:
-            return SampledFrame(texel, value)
+            return SampledFrame(texel[:0], value[:0])
         # Look where the object is, and one pixel beyond
-        inverse_depth = rasterise_depth(
-            self.vertices, self.faces, camera.cropped(left, top, right, bottom), self.front
-        )
+        inverse_depth = self.depth_maps.of(camera.cropped(left, top, right, bottom))
         smooth = np.ones(inverse_depth.shape, np.uint8)
         if mask is not None:
             inside = np.s_[max(top, 0) : bottom, max(left, 0) : right]

@@ -20,6 +20,10 @@ from ..jit import kernel
 
 MOST_FRAMES = 256  # of a chunk: a byte counts them
 COLUMNS = ("frame", "value")
+ROWS: dict[str, tuple[type, tuple[int, ...]]] = {
+    "offsets": (np.uint32, ()), "frame": (np.uint8, ()), "value": (np.uint8, (4,)),
+}  # fmt: skip
+"""The type and shape of a column's rows."""
 TRANSPOSED = 2048
 """Texels that are transposed at once: their samples fit a core's cache."""
 HELD_BYTES = 8
@@ -31,8 +35,8 @@ class Chunk(Protocol):
 
     frames: int
 
-    def read(self, name: str, first: int, stop: int) -> np.ndarray[Any, Any]:
-        """The rows first..stop of a column."""
+    def read(self, name: str, first: int, rows: np.ndarray[Any, Any]) -> None:
+        """Fill `rows` with a column's, from `first` on."""
 
     def mapped(self, name: str) -> np.ndarray[Any, Any]:
         """All rows, to be read here and there; let go of it soon."""
@@ -47,8 +51,8 @@ class MemoryChunk:
     def __init__(self, frames: int, columns: dict[str, np.ndarray]) -> None:
         self.frames, self._columns = frames, columns
 
-    def read(self, name: str, first: int, stop: int) -> np.ndarray[Any, Any]:
-        return self._columns[name][first:stop]
+    def read(self, name: str, first: int, rows: np.ndarray[Any, Any]) -> None:
+        rows[:] = self._columns[name][first : first + len(rows)]
 
     def mapped(self, name: str) -> np.ndarray[Any, Any]:
         return self._columns[name]
@@ -64,23 +68,21 @@ class FileChunk:
 
     def __init__(self, folder: Path, index: int, frames: int) -> None:
         self.frames = frames
-        self._paths = {name: _path(folder, index, name) for name in ("offsets", *COLUMNS)}
-        self._layout = {name: _layout(path) for name, path in self._paths.items()}
+        self._paths = {name: _path(folder, index, name) for name in ROWS}
+        self._layout = {name: _layout(path, *ROWS[name]) for name, path in self._paths.items()}
 
-    def read(self, name: str, first: int, stop: int) -> np.ndarray[Any, Any]:
-        start, dtype, shape = self._layout[name]
-        rows = np.empty((stop - first, *shape), dtype)
+    def read(self, name: str, first: int, rows: np.ndarray[Any, Any]) -> None:
         with open(self._paths[name], "rb", buffering=0) as file:
-            file.seek(start + first * int(np.prod(shape)) * dtype.itemsize)
+            file.seek(self._layout[name][0] + first * rows.strides[0])
             if file.readinto(rows.data) != rows.nbytes:
                 raise DocumentError(
                     f"{self._paths[name]} has been cut off: apply compute_svbrdf_samples again, "
                     "with --force"
                 )
-        return rows
 
     def mapped(self, name: str) -> np.ndarray[Any, Any]:
-        return np.asarray(np.load(self._paths[name], mmap_mode="r"))
+        start, shape = self._layout[name]
+        return np.asarray(np.memmap(self._paths[name], ROWS[name][0], "r", start, shape))
 
     def save(self, folder: Path, index: int) -> FileChunk:
         """Shared with the other folder where the disk can: chunks are never written into."""
@@ -92,14 +94,16 @@ class FileChunk:
         return FileChunk(folder, index, self.frames)
 
 
-def _path(folder: Path, index: int, name: str) -> Path:
-    return folder / f"chunk{index:04d}.{name}.npy"
+def _path(folder: Path, index: int, name: str) -> str:
+    return str(folder / f"chunk{index:04d}.{name}.npy")
 
 
-def _layout(path: Path) -> tuple[int, np.dtype, tuple[int, ...]]:
-    """Where an array's rows start in its file, their type, and the shape of one."""
+def _layout(path: str, kind: type, row: tuple[int, ...]) -> tuple[int, tuple[int, ...]]:
+    """Where an array starts in its file, and its shape; ValueError where it is of another kind."""
     array = np.load(path, mmap_mode="r")
-    return array.offset, array.dtype, array.shape[1:]
+    if (array.dtype, array.shape[1:]) != (kind, row):
+        raise ValueError(f"{path}: expected rows of {kind.__name__} {row}")
+    return array.offset, array.shape
 
 
 def words_of(value: np.ndarray) -> np.ndarray:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.linalg import LinearOperator, cg
 
 from ..jit import kernel
 from ..ranks import quantile
+from ..threads import thread_count
 from .observations import Observations, color
 from .store import Block
 
@@ -115,17 +118,20 @@ def frame_gains(
     known, texel = np.unique(texel[kept], return_inverse=True)
     texels, frames = Groups(texel, len(known)), Groups(frame[kept], store.frames)
     seen = np.bincount(frames.of, minlength=store.frames) > 0
-    for channel in range(3):
+
+    def fit(channel: int) -> tuple[np.ndarray, np.ndarray]:
         value, gain = logs[:, channel].astype(np.float64), np.zeros(store.frames)
         for _ in range(2):
             left = value - gain[frames.of]
             left -= texels.median(left)[texels.of]
             gain += np.nan_to_num(frames.median(left))
-        gain, left = _reweighted(value, gain, texels, frames, rounds)
-        gain -= np.median(gain[seen])
-        gains[:, channel] = np.where(seen, np.exp(gain), np.nan)
-        if channel == 1:
-            residual = frames.median(np.abs(left))
+        return _reweighted(value, gain, texels, frames, rounds)
+
+    with ThreadPoolExecutor(thread_count()) as pool:
+        for channel, (gain, left) in enumerate(pool.map(fit, range(3))):
+            gains[:, channel] = np.where(seen, np.exp(gain - np.median(gain[seen])), np.nan)
+            if channel == 1:
+                residual = frames.median(np.abs(left))
     return gains, residual
 
 

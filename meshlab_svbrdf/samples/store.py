@@ -39,6 +39,9 @@ DESCRIPTION = "store.json"
 
 Result = TypeVar("Result")
 
+STEP = 16
+"""Samples that are moved at once: a texel has few in a chunk."""
+
 
 class Block(NamedTuple):
     """The samples of the texels first..stop, texel by texel, in the frames' order.
@@ -60,6 +63,27 @@ class Block(NamedTuple):
     @property
     def quality(self) -> np.ndarray:
         return self.value[:, 3]
+
+
+@kernel
+def _merge(spans, base, first_frame, frame, value, offsets, out_frame, out_value):
+    """Put every texel's samples together, chunk after chunk, in whole steps of `STEP`.
+
+    spans : (C, B + 1), offsets of the texels in the chunks; base : (C,), where a chunk's samples
+    begin in frame and value; these and what is written have room for a step at their end
+    """
+    chunks, k = spans.shape[0], np.uint64(0)
+    for i in range(len(offsets) - 1):
+        for c in range(chunks):
+            n, j = np.uint64(spans[c, i + 1] - spans[c, i]), np.uint64(0)
+            start = np.uint64(base[c] + spans[c, i] - spans[c, 0])
+            while j < n:
+                for s in range(np.uint64(STEP)):
+                    out_frame[k + j + s] = first_frame[c] + np.int32(frame[start + j + s])
+                    out_value[k + j + s] = value[start + j + s]
+                j += np.uint64(STEP)
+            k += n
+        offsets[i + 1] = k
 
 
 @kernel
@@ -292,29 +316,30 @@ class SampleStore:
         if self._counts is None:
             total = np.zeros(self.texels, np.int64)
             for chunk in self.chunks:
-                total += np.diff(chunk.read("offsets", 0, self.texels + 1).astype(np.int64))
+                offsets = np.empty(self.texels + 1, np.uint32)
+                chunk.read("offsets", 0, offsets)
+                total += np.diff(offsets)
             total.flags.writeable = False
             self._counts = total
         return self._counts
 
     def read(self, first: int, stop: int) -> Block:
         """The samples of the texels first..stop."""
-        spans = [chunk.read("offsets", first, stop + 1) for chunk in self.chunks]
+        spans = np.empty((len(self.chunks), stop - first + 1), np.uint32)
+        for span, chunk in zip(spans, self.chunks, strict=True):
+            chunk.read("offsets", first, span)
+        sizes = spans[:, -1].astype(np.int64) - spans[:, 0]
+        base = np.concatenate([[0], np.cumsum(sizes)])
+        total = int(base[-1])
+        frames, values = np.empty(total + STEP, np.uint8), np.empty((total + STEP, 4), np.uint8)
+        for chunk, low, (a, b) in zip(self.chunks, spans[:, 0], pairwise(base), strict=True):
+            for name, rows in zip(COLUMNS, (frames, values), strict=True):
+                chunk.read(name, int(low), rows[a:b])
         offsets = np.zeros(stop - first + 1, np.int64)
-        for span in spans:
-            offsets[1:] += np.diff(span.astype(np.int64))
-        np.cumsum(offsets, out=offsets)
-        frame = np.empty(offsets[-1], np.int32)
-        value = np.empty(offsets[-1], np.uint32)
-        cursor = offsets[:-1].copy()
-        for (first_frame, chunk), span in zip(self.placed(), spans, strict=True):
-            low, high = int(span[0]), int(span[-1])
-            frames, values = (chunk.read(name, low, high) for name in COLUMNS)
-            ends = span.astype(np.int64) - low
-            _gather(
-                ends[:-1], ends[1:], frames, words_of(values), first_frame, cursor, frame, value
-            )
-        return Block(first, stop, offsets, frame, bytes_of(value))
+        frame, value = np.empty(total + STEP, np.int32), np.empty(total + STEP, np.uint32)
+        starts = np.array([first_frame for first_frame, _ in self.placed()], np.int32)
+        _merge(spans, base, starts, frames, words_of(values), offsets, frame, value)
+        return Block(first, stop, offsets, frame[:total], bytes_of(value[:total]))
 
     def block_bounds(self, samples: int = 1 << 21) -> list[tuple[int, int]]:
         """Ranges of texels with about `samples` samples each; they depend on the store alone."""

@@ -203,3 +203,22 @@ def test_results_from_before_it_was_remembered_open(result):
     (result.with_suffix(".svbrdf") / "exact.mlp").unlink()
     assert ran(Document.open(result)) == [False, False]
     assert Document.open(by_pymeshlab(result)).stale("shade")
+
+
+def test_it_is_written_again_only_where_something_changed(result):
+    document = Document.open(result)
+    exact = document.folder / "exact.mlp"
+
+    def written() -> bool:
+        before = exact.stat().st_mtime_ns
+        document.apply(SHADE, force=True)
+        return exact.stat().st_mtime_ns != before
+
+    assert written()  # by this process, which has not looked at it yet
+    assert not written()
+    raster = document.rasters[2]
+    raster.camera = replace(raster.camera, fx=raster.camera.fx + 1e-9)
+    assert written()
+    assert read_project(exact).rasters[2].camera.fx == raster.camera.fx
+    exact.write_text(exact.read_text() + "<!-- by another process -->")
+    assert written()

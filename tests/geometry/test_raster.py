@@ -8,7 +8,7 @@ from analytic import look_at, plane, sphere
 from scipy.spatial.transform import Rotation
 
 from meshlab_svbrdf.geometry.camera import Camera
-from meshlab_svbrdf.geometry.raster import rasterise, rasterise_depth
+from meshlab_svbrdf.geometry.raster import DepthMaps, rasterise, rasterise_depth
 
 
 def rays(camera):
@@ -167,9 +167,27 @@ def test_of_a_closed_surface_the_fronts_are_enough():
     assert not replace(mesh, faces=np.vstack([mesh.faces, mesh.faces[:1]])).is_closed()
     camera = look_at([0, 0, 4], width=80, height=80, fx=120.0)
     both = rasterise_depth(mesh.vertices, mesh.faces, camera)
-    front = rasterise_depth(mesh.vertices, mesh.faces, camera, -mesh.winding())
+    front = DepthMaps(mesh.vertices, mesh.faces, -mesh.winding()).of(camera)
     assert (both > 0).sum() > 500
     np.testing.assert_array_equal(front, both)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_depth_maps_of_many_views_are_those_of_all_faces(seed):
+    """Whatever the order of faces and the side; vertices may be unused, or no numbers."""
+    rng = np.random.default_rng(seed)
+    mesh = sphere(40)
+    vertices = np.vstack([mesh.vertices * rng.uniform(0.3, 1.0, 3), [[np.nan, 0, 0], [9, 9, 9]]])
+    faces = mesh.faces[rng.permutation(len(mesh.faces))]
+    broken = np.vstack([faces, [[0, 1, len(vertices) - 2]]]).astype(np.int32)
+    maps = DepthMaps(vertices, broken, -mesh.winding()), DepthMaps(vertices, faces, 0)
+    for _ in range(6):
+        eye = rng.normal(size=3)
+        camera = look_at(eye / np.linalg.norm(eye) * rng.uniform(1.1, 5), width=90, height=70)
+        expected = rasterise_depth(vertices, faces, camera)
+        assert expected.any()
+        for prepared in maps:
+            np.testing.assert_array_equal(prepared.of(camera), expected)
 
 
 def test_no_hole_opens_between_small_faces():
