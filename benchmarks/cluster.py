@@ -76,7 +76,9 @@ def _size(value: Any) -> int:
     from distributed.protocol import pickle
 
     buffers: list[Any] = []
-    return len(pickle.dumps(value, buffer_callback=buffers.append)) + sum(b.raw().nbytes for b in buffers)
+    return len(pickle.dumps(value, buffer_callback=buffers.append)) + sum(
+        b.raw().nbytes for b in buffers
+    )
 
 
 @contextmanager
