@@ -91,7 +91,7 @@ def _workers(count: int) -> Iterator[Any]:
             return
         started = stack.enter_context(
             LocalCluster(
-                n_workers=count, threads_per_worker=1, dashboard_address=None, memory_limit=0
+                n_workers=count, threads_per_worker=1, dashboard_address=":0", memory_limit=0
             )
         )
         yield stack.enter_context(Client(started))

@@ -27,7 +27,7 @@ def machines():
     distributed = pytest.importorskip("distributed", reason="needs the extra `cluster`")
     with (
         distributed.LocalCluster(
-            n_workers=3, threads_per_worker=1, dashboard_address=None, memory_limit=0
+            n_workers=3, threads_per_worker=1, dashboard_address=":0", memory_limit=0
         ) as found,
         distributed.Client(found) as client,
     ):
