@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 
 from benchmarks import cluster
+from benchmarks.cluster_tables import PASSES, SAMPLES, WORKLOAD
 
 pytest.importorskip("distributed", reason="needs the extra `cluster`")
 
 
 def row(workers: int, seconds: float, tasks: int = 40) -> dict:
-    names = (cluster.SAMPLES, *cluster.PASSES, "compute_svbrdf_visibility")
+    names = (SAMPLES, *PASSES, "compute_svbrdf_visibility")
     told = {"tasks": tasks, "sent": 50e6, "given": 400, "returned": 2e6} if workers else {}
     stages = [
         {"name": name, "seconds": seconds, "cpu_seconds": 1.0, "workers_cpu": 8.0 * (workers > 0)}
@@ -17,8 +18,9 @@ def row(workers: int, seconds: float, tasks: int = 40) -> dict:
         for name in names
     ]
     return {
-        "workers": workers, "name": cluster._name(workers), "stages": stages, "cores": 2,
-        "frames": 300, "texels": 1000, "samples": 10**6, "frame_bytes": 3e8, "store_bytes": 5e8,
+        "scene": WORKLOAD, "workers": workers, "name": cluster._name(workers),
+        "stages": stages, "cores": 2, "frames": 300, "texels": 1000, "samples": 10**6,
+        "frame_bytes": 3e8, "store_bytes": 5e8,
         "result_bytes": 1e8, "digest": "a", "start": 3.0, "empty": 1e-3,
     }  # fmt: skip
 
