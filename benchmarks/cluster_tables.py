@@ -117,8 +117,8 @@ def _one_object(here: Row, row: Row) -> Table:
          "s of network and scheduler", "s"],
         cells,
         (f"A network of {NETWORK / 1e6:.0f} MB/s and a shared disk of {DISK / 1e6:.0f} MB/s; "
-         "work and disk overlap; of stages that spread, what does not is the CPU time of the process "
-         "that asks; what is sent to every worker goes on from one to the next, twice as many each "
+         "work and disk overlap; what a stage that spreads does here counts by its CPU time; "
+         "what is sent to every worker goes on from one to the next, twice as many each "
          "time; there are no more tasks than "
          f"{max(s['tasks'] for s in stages)} in a stage.",),
     )  # fmt: skip
