@@ -13,6 +13,7 @@
     python -m benchmarks materials [--scene …]    areas of one material, found and edited by hand
     python -m benchmarks hdr                      8 bits, 16, floats, brackets
     python -m benchmarks page                     how long the page of `view` lets one wait
+    python -m benchmarks cluster                  workers, bytes moved, 10,000 objects on paper
     python -m benchmarks --all --docs             everything, into the documentation
 
 Scenes are rendered once into the cache. Every row is kept in --out as soon as it is there; the same
@@ -37,6 +38,7 @@ from meshlab_svbrdf.threads import quieten_blas
 from . import (
     ablation,
     accuracy,
+    cluster,
     export,
     hdr,
     materials,
@@ -58,7 +60,7 @@ from .stability import part as stability
 SLOW = "mitsuba"  # this peer is compared over time, on one scene
 _PARTS = (
     accuracy, timing, ablation, photographs, performance, registration, export, relighting,
-    stability, materials, page, hdr,
+    stability, materials, page, hdr, cluster,
 )  # fmt: skip
 PARTS = {part.PART: part for part in _PARTS}
 
@@ -143,6 +145,10 @@ def wanted(arguments: argparse.Namespace, ledger: Ledger) -> tuple[list[Task], l
         found, missing = page.tasks(
             min(arguments.frames, page.FRAMES), size or page.TEXELS, arguments.cache
         )
+        tasks += found
+        notes.extend(missing)
+    if cluster.PART in parts:
+        found, missing = cluster.tasks(arguments.frames, size or 1024, arguments.cache)
         tasks += found
         notes.extend(missing)
     return tasks, list(dict.fromkeys(notes))
