@@ -136,7 +136,10 @@ def wanted(arguments: argparse.Namespace, ledger: Ledger) -> tuple[list[Task], l
     if relighting.PART in parts:
         tasks += relighting.tasks(ledger, cases([LONG]), size or 1024, arguments.cache)
     if stability.PART in parts:
-        tasks += stability.tasks(arguments.scene)
+        films, missing = available(stability.FILMS, arguments.cache)
+        tasks += stability.tasks(arguments.scene, films)
+        if not arguments.scene or stability.HONEST in arguments.scene:
+            notes.extend(missing)
     if materials.PART in parts:
         tasks += materials.tasks(ledger, cases([SAMPLE, *SCENES, LONG]), size or 512)
     if hdr.PART in parts:
