@@ -19,9 +19,14 @@ FILTER = Filter(
             "minimum_quality", "float", 0.1, minimum=0.0, maximum=1.0,
             help="Samples below do not count for the threshold.",
         ),
+        Parameter(
+            "minimum_samples", "int", MINIMUM_SAMPLES, minimum=3, maximum=1000,
+            help="Texels with fewer are unobserved. Less than 8 is for a few photographs, where "
+            "else little would be seen: a highlight in one of them then counts for more.",
+        ),
     ),
     help="Per texel t = μ + mean |Y − μ| of the samples' luminance, an upper bound of their "
-    f"median. Texels with fewer than {MINIMUM_SAMPLES} samples are unobserved. Attributes: "
+    fXX
     "svbrdf_threshold, svbrdf_mean, svbrdf_minimum (luminance, 0..100), svbrdf_mean_color, "
     "svbrdf_samples.",
     reference="Palma et al. 2012, §5",
@@ -33,6 +38,7 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
         read_observations(document, visibility=False),
         parameters.minimum_quality,
         counted(progress, "texels"),
+        parameters.minimum_samples,
     )
     document.set_attribute("threshold", statistics.threshold)
     document.set_attribute("mean", statistics.mean)

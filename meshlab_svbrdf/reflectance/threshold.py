@@ -15,7 +15,7 @@ from ..samples.observations import (
 )
 
 MINIMUM_SAMPLES = 8
-"""Texels with fewer samples are unobserved."""
+"""Texels with fewer samples are unobserved, where nothing else is asked for."""
 
 
 @dataclass(frozen=True)
@@ -65,10 +65,12 @@ def _threshold(block, view, cut, least, threshold, mean, minimum, rgb, samples):
 
 
 def luminance_threshold(
-    observations: Observations, minimum_quality: float = 0.1, progress=lambda done, total: None
-) -> LuminanceStatistics:
+    observations: Observations, minimum_quality: float = 0.1, progress=lambda done, total: None,
+    minimum_samples: int = MINIMUM_SAMPLES,
+) -> LuminanceStatistics:  # fmt: skip
     """Per texel t = μ + mean |Y − μ| over the samples with quality ≥ `minimum_quality` (paper §5).
 
+    Texels with fewer than `minimum_samples` of these are unobserved.
     Since |μ − m| ≤ E|X − m| ≤ E|X − μ|, t bounds the median m from above.
     """
     count = len(observations.texels)
@@ -78,7 +80,7 @@ def luminance_threshold(
 
     def work(block):
         _threshold(
-            block, observations.view, cut, MINIMUM_SAMPLES, threshold, mean, minimum, rgb, samples
+            block, observations.view, cut, minimum_samples, threshold, mean, minimum, rgb, samples
         )
 
     observations.store.map(work, progress)

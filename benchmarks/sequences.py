@@ -1,0 +1,106 @@
+"""Few sharp photographs or many small frames: error against number of frames and their size.
+
+From each scene so many frames are taken, spread evenly over the views, and reduced to a half or a
+quarter of their width. Nothing else differs, but for the rows with few frames whose texels may have
+fewer samples than usual.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+
+from meshlab_svbrdf.document.document import Document
+from meshlab_svbrdf.planning.resolution import resolution
+from meshlab_svbrdf.presets import FRAMES
+
+from .cases import LONG, Case
+from .full_hd import NAME, FullHD
+from .ledger import Row, Task
+from .solve import Setup, judge, solve
+from .tables import Column, Table, table
+
+PART = "sequences"
+REDUCE = "compute_svbrdf_samples.reduce"
+COUNTS = {1: (6, 12, 24, 48, 96, 192, 0), 2: (24, 48, 96, 192), 4: (48, 96, 192)}
+"""Frames by reduction, 0 for all: four times as many at half the width are as many pixels."""
+THRESHOLD = "compute_svbrdf_luminance_threshold"
+LEAST = f"{THRESHOLD}.minimum_samples"
+FEW, SAMPLES = (12, 24), 4
+"""Frames, of full width, with which a texel may have so few samples."""
+
+COLUMNS = (
+    Column("frames", "frames"),
+    Column("width", "width"),
+    Column("apart °", "step", "{:.1f}"),
+    Column("Mpixels", "megapixels", "{:.1f}"),
+    Column("coverage", "coverage", "{:.3f}"),
+    Column("ΔE mean", "dE_mean", "{:.2f}"),
+    Column("lights", "lights"),
+    Column("worst °", "light_deg_max", "{:.2f}"),
+    Column("glossy", "glossy"),
+    Column("ln ρs", "ln_rho_s_worst", "{:+.3f}"),
+    Column("ln α", "ln_alpha_worst", "{:+.3f}"),
+    Column("dB", "psnr", "{:.1f}"),
+    Column("highlights", "psnr_highlights", "{:.1f}"),
+    Column("CPU s", "cpu_seconds", "{:.0f}"),
+)
+
+
+def cases(found: Sequence[Case], cache: Path) -> list[Case]:
+    """The scenes: a film of 640×480, and full-HD frames of another object."""
+    return [*found, FullHD(NAME, cache)]
+
+
+def tasks(cases: Sequence[Case], texture: int) -> list[Task]:
+    """A row for every number of frames and width."""
+    runs = {
+        f"{count or 'all'} frames, 1/{reduce}": {FRAMES: count, REDUCE: reduce}
+        for reduce, counts in COUNTS.items()
+        for count in counts
+    }
+    for count in FEW:
+        name = f"{count} frames, {SAMPLES} samples a texel"
+        runs[name] = {FRAMES: count, REDUCE: 1, LEAST: SAMPLES}
+    found = []
+    for name, settings in runs.items():
+        given = {key: str(value) for key, value in settings.items()}
+        setup = Setup(preset="full", texture=texture, settings=given)
+        for case in cases:
+            found.append(Task(PART, case.name, name, repr(setup), partial(_measure, case, setup)))
+    return found
+
+
+def _measure(case: Case, setup: Setup, folder: Path) -> Row:
+    solved = solve(case, setup, folder)
+    return judge(case, solved, folder) | _facts(solved.document)
+
+
+def _facts(document: Document) -> Row:
+    """What was used, and what of it was found."""
+    frames = document.json("frames")
+    used = {frame["label"] for frame in frames["frames"] if "gain" in frame}
+    cameras = [r.camera for r in document.rasters if r.label in used]
+    texture, reduce = max(document.texels().sizes[0]), frames["reduce"]
+    described = document.json("materials")["materials"]
+    pixels = sum(c.width * c.height for c in cameras) / reduce**2
+    return {
+        "frames": len(cameras), "reduce": reduce, "width": cameras[0].width // reduce,
+        "megapixels": pixels / 1e6, "step": frames["median_step_degrees"],
+        "pixels_per_texel": resolution(document.mesh(), cameras).pixels_per_texel(texture) / reduce,
+        "least": document.results.record["runs"][THRESHOLD]["parameters"]["minimum_samples"],
+        "lights": len(document.json("lights")["lights"]),
+        "glossy": sum(m["observed"] or "reflectance" in m for m in described),
+        "reasons": [m["reason"] for m in described if not m["observed"]],
+        "messages": {name: run["message"] for name, run in document.results.record["runs"].items()},
+    }  # fmt: skip
+
+
+def tables(rows: Sequence[Row]) -> list[Table]:
+    """One table a scene, by the number of pixels that there are to read."""
+    made = []
+    for scene in dict.fromkeys(row["scene"] for row in rows):
+        own = [row for row in rows if row["scene"] == scene]
+        made.append(table(scene, own, COLUMNS, scene=False))
+    return made
