@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from meshlab_svbrdf.bench.workload import Options, Workload, make_workload
+from meshlab_svbrdf.bench.workload import Workload, make_workload
 from meshlab_svbrdf.document.images import read_exr, write_exr, write_png
 from meshlab_svbrdf.document.project import read_project, write_project
 
@@ -22,11 +22,10 @@ NAME = "workload"
 
 @dataclass(frozen=True)
 class FullHD(Case):
-    """frames : the first ones of the workload, made on first use; a turn around the object has 360
-    (of Options()), and each turn is at another height."""
+    """frames : the first ones of the workload, made on first use: a turn around the object has 360,
+    and each turn is at another height"""
 
     frames: int = 720
-    options: Options = Options()
 
     @property
     def path(self) -> Path:
@@ -41,7 +40,7 @@ class FullHD(Case):
         return folder
 
     def _workload(self) -> Workload:
-        return make_workload(self.cache, self.frames, self.options)
+        return make_workload(self.cache, self.frames)
 
 
 def _write_truth(workload: Workload, folder: Path) -> None:

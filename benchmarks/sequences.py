@@ -15,7 +15,7 @@ from meshlab_svbrdf.document.document import Document
 from meshlab_svbrdf.planning.resolution import resolution
 from meshlab_svbrdf.presets import FRAMES
 
-from .cases import LONG, Case
+from .cases import Case
 from .full_hd import NAME, FullHD
 from .ledger import Row, Task
 from .solve import Setup, judge, solve

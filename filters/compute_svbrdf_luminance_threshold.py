@@ -26,7 +26,7 @@ FILTER = Filter(
         ),
     ),
     help="Per texel t = μ + mean |Y − μ| of the samples' luminance, an upper bound of their "
-    fXX
+    "median. Texels with fewer than `minimum_samples` are unobserved. Attributes: "
     "svbrdf_threshold, svbrdf_mean, svbrdf_minimum (luminance, 0..100), svbrdf_mean_color, "
     "svbrdf_samples.",
     reference="Palma et al. 2012, §5",
