@@ -34,6 +34,7 @@ MAPS = {  # file: title, its PNG, whether its histogram is logarithmic, unit
     "albedo": ("Albedo", "albedo", False, "linear, of a lamp of gain 1"),
     "rho_s": ("Strength of the highlight ρs", "rho_s", True, "1 = white"),
     "alpha": ("Shininess α", "alpha", True, "exponent"),
+    "roughness": ("Roughness of microfacets", "roughness", True, "a of GGX or Beckmann"),
     "sheen": ("Sheen", "sheen", False, "strength"),
 }
 
@@ -64,7 +65,7 @@ def object_views(document: Document) -> Html:
     parts = []
     for name, caption in (
         ("diffuse", "diffuse colour"), ("albedo", "albedo"), ("materials_shown", "materials"),
-        ("rho_s", "strength ρs"), ("alpha", "shininess α"),
+        ("rho_s", "strength ρs"), ("alpha", "shininess α"), ("roughness", "roughness"),
     ):  # fmt: skip
         if document.map_paths(name, "png"):
             worn = matte(mesh, [image[..., :3] for image in document.map(name, "png")])
