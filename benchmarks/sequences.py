@@ -23,8 +23,11 @@ from .tables import Column, Table, table
 
 PART = "sequences"
 REDUCE = "compute_svbrdf_samples.reduce"
-COUNTS = {1: (6, 12, 24, 48, 96, 192, 0), 2: (24, 48, 96, 192), 4: (48, 96, 192)}
-"""Frames by reduction, 0 for all: four times as many at half the width are as many pixels."""
+RUNS = (
+    (6, 1), (12, 1), (24, 1), (48, 1), (96, 1), (192, 1), (48, 2), (192, 2), (192, 4), (0, 1)
+)  # fmt: skip
+"""Frames (0: all) and by how much they are reduced: four times as many at half the width are as
+many pixels."""
 THRESHOLD = "compute_svbrdf_luminance_threshold"
 LEAST = f"{THRESHOLD}.minimum_samples"
 FEW, SAMPLES = (12, 24), 4
@@ -56,13 +59,11 @@ def cases(found: Sequence[Case], cache: Path) -> list[Case]:
 def tasks(cases: Sequence[Case], texture: int) -> list[Task]:
     """A row for every number of frames and width."""
     runs = {
-        f"{count or 'all'} frames, 1/{reduce}": {FRAMES: count, REDUCE: reduce}
-        for reduce, counts in COUNTS.items()
-        for count in counts
+        f"{count} frames, {SAMPLES} samples a texel": {FRAMES: count, REDUCE: 1, LEAST: SAMPLES}
+        for count in FEW
     }
-    for count in FEW:
-        name = f"{count} frames, {SAMPLES} samples a texel"
-        runs[name] = {FRAMES: count, REDUCE: 1, LEAST: SAMPLES}
+    for count, reduce in RUNS:
+        runs[f"{count or 'all'} frames, 1/{reduce}"] = {FRAMES: count, REDUCE: reduce}
     found = []
     for name, settings in runs.items():
         given = {key: str(value) for key, value in settings.items()}
