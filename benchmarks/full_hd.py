@@ -36,14 +36,14 @@ class FullHD(Case):
         workload = self._workload()
         folder = workload.folder / "scored"
         if not (folder / "views" / "project.mlp").is_file():
-            _write_truth(workload, folder)
+            write_scored_truth(workload, folder)
         return folder
 
     def _workload(self) -> Workload:
         return make_workload(self.cache, self.frames)
 
 
-def _write_truth(workload: Workload, folder: Path) -> None:
+def write_scored_truth(workload: Workload, folder: Path) -> None:
     """Write the project of the views last: it tells that all is there."""
     (folder / "views").mkdir(parents=True, exist_ok=True)
     views = read_project(workload.views())

@@ -11,9 +11,12 @@ from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
+import numpy as np
+
 from meshlab_svbrdf.document.document import Document
 from meshlab_svbrdf.planning.resolution import resolution
 from meshlab_svbrdf.presets import FRAMES
+from meshlab_svbrdf.reflectance.threshold import MINIMUM_SAMPLES
 
 from .cases import Case
 from .full_hd import NAME, FullHD
@@ -33,21 +36,43 @@ LEAST = f"{THRESHOLD}.minimum_samples"
 FEW, SAMPLES = (12, 24), 4
 """Frames, of full width, with which a texel may have so few samples."""
 
+
+def worst(row: Row, name: str) -> float | None:
+    """The largest error of ln ρs ("rho_s") or ln α ("alpha") of the materials that were found."""
+    errors = [float(m[f"ln_{name}"]) for m in row["materials"] if name in m and f"ln_{name}" in m]
+    return max(errors, key=abs, default=None)
+
+
+def _glossy(row: Row) -> str:
+    """How many of the materials that have a gloss were observed on half of their texels."""
+    true = [m for m in row["materials"] if "ln_rho_s" in m]
+    return f"{sum('rho_s' in m for m in true)} of {len(true)}"
+
+
+def usual(rows: Sequence[Row]) -> list[Row]:
+    """Those that are there, of texels with as many samples as usual."""
+    return [row for row in rows if "error" not in row and row["least"] == MINIMUM_SAMPLES]
+
+
 COLUMNS = (
-    Column("frames", "frames"),
-    Column("width", "width"),
+    Column("wide", "width"),
     Column("apart °", "step", "{:.1f}"),
     Column("Mpixels", "megapixels", "{:.1f}"),
+    Column("samples", "samples", "{:.0f}"),
     Column("coverage", "coverage", "{:.3f}"),
     Column("ΔE mean", "dE_mean", "{:.2f}"),
-    Column("lights", "lights"),
+    Column("lights", lambda row: f"{row['lights'] - row['lights_false']} + {row['lights_false']}"),
     Column("worst °", "light_deg_max", "{:.2f}"),
-    Column("glossy", "glossy"),
-    Column("ln ρs", "ln_rho_s_worst", "{:+.3f}"),
-    Column("ln α", "ln_alpha_worst", "{:+.3f}"),
+    Column("gloss", _glossy),
+    Column("ln ρs", lambda row: worst(row, "rho_s"), "{:+.3f}"),
+    Column("ln α", lambda row: worst(row, "alpha"), "{:+.3f}"),
     Column("dB", "psnr", "{:.1f}"),
     Column("highlights", "psnr_highlights", "{:.1f}"),
     Column("CPU s", "cpu_seconds", "{:.0f}"),
+)
+NOTES = (
+    "Apart: neighbouring frames, median. Samples: of a texel, median. Lights: right + wrong ones. "
+    "Gloss: materials whose ρs and α were found, of those that have any; errors are of these.",
 )
 
 
@@ -85,12 +110,14 @@ def _facts(document: Document) -> Row:
     cameras = [r.camera for r in document.rasters if r.label in used]
     texture, reduce = max(document.texels().sizes[0]), frames["reduce"]
     described = document.json("materials")["materials"]
+    seen = document.attribute("samples")
     pixels = sum(c.width * c.height for c in cameras) / reduce**2
     return {
         "frames": len(cameras), "reduce": reduce, "width": cameras[0].width // reduce,
         "megapixels": pixels / 1e6, "step": frames["median_step_degrees"],
         "pixels_per_texel": resolution(document.mesh(), cameras).pixels_per_texel(texture) / reduce,
         "least": document.results.record["runs"][THRESHOLD]["parameters"]["minimum_samples"],
+        "samples": float(np.median(seen[seen > 0])) if seen.any() else 0.0,
         "lights": len(document.json("lights")["lights"]),
         "glossy": sum(m["observed"] or "reflectance" in m for m in described),
         "reasons": [m["reason"] for m in described if not m["observed"]],
@@ -99,9 +126,17 @@ def _facts(document: Document) -> Row:
 
 
 def tables(rows: Sequence[Row]) -> list[Table]:
-    """One table a scene, by the number of pixels that there are to read."""
+    """One table a scene."""
     made = []
     for scene in dict.fromkeys(row["scene"] for row in rows):
         own = [row for row in rows if row["scene"] == scene]
-        made.append(table(scene, own, COLUMNS, scene=False))
+        own.sort(key=lambda row: (row.get("reduce", 9), row.get("frames", 0), -row.get("least", 0)))
+        lines = [row | {"name": _name(row)} for row in own]
+        made.append(table(scene, lines, COLUMNS, *NOTES, scene=False))
     return made
+
+
+def _name(row: Row) -> str:
+    if "error" in row or row["least"] == MINIMUM_SAMPLES:
+        return f"{row['frames']} frames" if "frames" in row else row["name"]
+    return f"{row['frames']}, texels of {row['least']} samples too"

@@ -9,6 +9,11 @@ from meshlab_svbrdf.reflectance.threshold import MINIMUM_SAMPLES, luminance_thre
 
 from ._stages import counted, read_observations, share
 
+FEW = 0.05
+"""Share of the texels that are seen too seldom, from which on it is said."""
+LEAST = 4
+"""Samples that a texel may be judged by, if need be (docs/sequences.md)."""
+
 FILTER = Filter(
     name="compute_svbrdf_luminance_threshold",
     title="SVBRDF: luminance threshold",
@@ -45,4 +50,13 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
     document.set_attribute("minimum", statistics.minimum)
     document.set_attribute("mean_color", statistics.color)
     document.set_attribute("samples", statistics.samples)
-    return f"{share(statistics.observed)} of the texels observed"
+    said = f"{share(statistics.observed)} of the texels observed"
+    few = (statistics.samples > 0) & ~statistics.observed
+    if few.mean() > FEW:
+        said += (
+            f"; {share(few)} were seen, but by fewer than {parameters.minimum_samples} frames well "
+            "enough: take more from all around"
+        )
+        if parameters.minimum_samples > LEAST:
+            said += f", or be content with fewer (minimum_samples={LEAST})"
+    return said
