@@ -7,6 +7,7 @@ import numpy as np
 from meshlab_svbrdf.document.document import Document
 from meshlab_svbrdf.errors import SvbrdfError
 from meshlab_svbrdf.geometry.camera import Camera
+from meshlab_svbrdf.geometry.mesh import Mesh
 from meshlab_svbrdf.reflectance.labels import palette
 from meshlab_svbrdf.rendering.acquisition import AcquisitionRenderer
 from meshlab_svbrdf.rendering.paths import framed, turntable, upward
@@ -54,12 +55,10 @@ def object_views(document: Document) -> Html:
         return section(title, said)
     mesh = document.mesh()
     cameras = sides(document)
+    lit = _as_lit(document, mesh)
     if document.has("material_specular"):
-        looks, lights = read_appearance(document), read_lights(document)
-        lit: SurfaceRenderer = AcquisitionRenderer(mesh, looks, lights)
         words = "As it was lit when it was filmed: diffuse colour and highlights, rendered."
     else:
-        lit = matte(mesh, document.map("diffuse"))
         words = "Its diffuse colour; highlights were not estimated."
     turned = [picture(shown(lit, camera), side_name(k)) for k, camera in enumerate(cameras)]
     parts = []
@@ -75,6 +74,20 @@ def object_views(document: Document) -> Html:
         note("The first view in its maps (in colour scales bright is much, grey is unobserved)."),
         tag("div", *parts, class_="strip"),
     )  # fmt: skip
+
+
+def portrait(document: Document, most: int) -> np.ndarray:
+    """The first of these views in at most so many columns and rows, (H, W, 3) uint8."""
+    camera = sides(document)[0]
+    camera = camera.scaled(most / max(camera.width, camera.height))
+    return shown(_as_lit(document, document.mesh()), camera)
+
+
+def _as_lit(document: Document, mesh: Mesh) -> SurfaceRenderer:
+    """The object with its highlights, or in its diffuse colour where these are not known."""
+    if document.has("material_specular"):
+        return AcquisitionRenderer(mesh, read_appearance(document), read_lights(document))
+    return matte(mesh, document.map("diffuse"))
 
 
 def maps(document: Document) -> Html:

@@ -22,6 +22,12 @@ LIBRARIES = (
 
 def facts(document: Document) -> Html:
     """The result in a few numbers."""
+    pairs = (tag("div", tag("dt", name), tag("dd", value)) for name, value in figures(document))
+    return tag("dl", *pairs, class_="facts")
+
+
+def figures(document: Document) -> list[tuple[str, str]]:
+    """Those numbers and what they are called."""
     told: list[tuple[str, str]] = []
     rasters, held = len(document.project.rasters), len(document.held_out)
     count = f"{rasters:,}"
@@ -42,12 +48,17 @@ def facts(document: Document) -> Html:
         told.append(("materials", f"{len(materials)}, gloss of {seen} observed"))
     runs = document.results.record["runs"].values()
     told.append(("time of all filters", f"{sum(run['seconds'] for run in runs):.1f} s"))
-    pairs = (tag("div", tag("dt", name), tag("dd", value)) for name, value in told)
-    return tag("dl", *pairs, class_="facts")
+    return told
 
 
 def warnings(document: Document) -> Html:
     """What a reader of the figures has to know."""
+    items = [tag("li", text) for text in remarks(document)]
+    return section("Remarks", tag("ul", *items) if items else note("None."))
+
+
+def remarks(document: Document) -> list[str]:
+    """The same, a sentence each."""
     record, found = document.results.record, []
     for product, entry in record["products"].items():
         if older := document.stale(product):
@@ -70,8 +81,7 @@ def warnings(document: Document) -> Html:
             frame["left_out"] for frame in document.json("frames")["frames"] if "left_out" in frame
         )
         found += [f"{count} frames left out: {reason}." for reason, count in reasons.items()]
-    items = (tag("li", text) for text in found)
-    return section("Remarks", tag("ul", *items) if found else note("None."))
+    return found
 
 
 def runs(document: Document) -> Html:

@@ -53,6 +53,13 @@ Output = Annotated[
 ]
 Layer = Annotated[str, typer.Option(help="The mesh layer to work on, where there are several.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for other programs.")]
+Scheduler = Annotated[
+    str | None,
+    typer.Option(
+        metavar="ADDRESS|local",
+        help="A Dask scheduler whose workers share the disk; local: a process for each core here.",
+    ),
+]
 Force = Annotated[bool, typer.Option("--force", help="Run filters whose result is there already.")]
 
 
@@ -90,6 +97,7 @@ def run(
         ),
     ] = None,
     layer: Layer = "",
+    scheduler: Scheduler = None,
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
@@ -106,7 +114,7 @@ def run(
     commands.run(
         project, output, script=script, estimator=estimator, preset=preset,
         texture_size=texture_size, materials=materials, hold_out=hold_out, settings=settings,
-        layer=layer, force=force, as_json=as_json,
+        layer=layer, scheduler=scheduler, force=force, as_json=as_json,
     )  # fmt: skip
 
 
@@ -123,6 +131,10 @@ def batch(
     retries: Annotated[
         int, typer.Option(help="Further attempts at a project whose run was killed.", min=0)
     ] = 1,
+    reports: Annotated[
+        bool, typer.Option("--reports", help="Write the report of each project too.")
+    ] = False,
+    scheduler: Scheduler = None,
 ) -> None:
     """Run the chain on every project of LIST; all other options are those of `run`.
 
@@ -130,7 +142,7 @@ def batch(
     """
     from . import commands_batch
 
-    commands_batch.batch(projects, output, context.args, retries)
+    commands_batch.batch(projects, output, context.args, retries, reports, scheduler)
 
 
 @app.command()

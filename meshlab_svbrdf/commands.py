@@ -10,7 +10,7 @@ import logging
 import sys
 from collections import Counter
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -33,6 +33,7 @@ from .plan import make_plan
 from .presets import PRESETS, chain
 from .progress import Show
 from .script import Step, check_script, run_script
+from .spread import Spread
 
 errors = Console(stderr=True)
 TEXTURE_SIZE = "compute_svbrdf_texels.texture_size"
@@ -43,7 +44,7 @@ CURRENT = "up to date"
 def run(
     project: Path, output: Path, *, script: Path | None, estimator: str | None, preset: str | None,
     texture_size: int | None, materials: Path | None, hold_out: bool, settings: list[str] | None,
-    layer: str, force: bool, as_json: bool,
+    layer: str, scheduler: str | None, force: bool, as_json: bool,
 ) -> None:  # fmt: skip
     """Run the whole chain on PROJECT and write a project that MeshLab opens."""
     with _friendly():
@@ -68,7 +69,8 @@ def run(
             typer.echo(f"preset {preset}: {PRESETS[preset]}")
         if script is None:
             steps = _planned(document, steps, given, as_json)
-        _run(document, steps, force, as_json)
+        with workers(scheduler, document.folder.parent) as document.spread:
+            _run(document, steps, force, as_json)
 
 
 def plan(
@@ -162,6 +164,15 @@ def view(project: Path, port: int, browser: bool) -> None:
 
     with _friendly():
         serve(project, port, browser, typer.echo)
+
+
+def workers(scheduler: str | None, folder: Path) -> AbstractContextManager[Spread | None]:
+    """The workers of a scheduler, which share this folder; None where none is given."""
+    if scheduler is None:
+        return nullcontext()
+    from .cluster import connected
+
+    return connected(scheduler, folder, lambda line: errors.print(line, soft_wrap=True))
 
 
 def _open(project: Path, output: Path | None, layer: str) -> Document:

@@ -6,11 +6,19 @@ from pathlib import Path
 
 import typer
 
-from .batch import DONE, LEFT, TABLE, Result, read_list, run_batch
-from .commands import _friendly
+from .batch import PAGE, TABLE, run_batch
+from .batch_list import DONE, LEFT, Result, read_list
+from .commands import _friendly, workers
 
 
-def batch(projects: Path, output: Path, options: list[str], retries: int) -> None:
+def batch(
+    projects: Path,
+    output: Path,
+    options: list[str],
+    retries: int,
+    reports: bool,
+    scheduler: str | None,
+) -> None:
     """Run the chain on every project of a list."""
     with _friendly():
         entries = read_list(projects)
@@ -20,12 +28,16 @@ def batch(projects: Path, output: Path, options: list[str], retries: int) -> Non
             told = result.error or list(result.outcomes.values())[-1]
             typer.echo(f"{result.name:{width}}  {result.state:8} {result.seconds:7.1f} s  {told}")
 
-        results = run_batch(entries, output, options, retries=retries, say=say)
+        with workers(scheduler, output) as spread:
+            results = run_batch(
+                entries, output.absolute(), options, retries=retries, reports=reports,
+                spread=spread, say=say,
+            )  # fmt: skip
         bad = [result.name for result in results if result.state != DONE]
         typer.echo(
             f"{len(results) - len(bad)} of {len(entries)} projects done"
             + (f"; not: {', '.join(bad)}" if bad else "")
-            + f". {output / TABLE} tells what each stage said."
+            + f". {output / PAGE} shows them, {output / TABLE} tells what each stage said."
         )
     if results[-1].state == LEFT:
         raise typer.Exit(130)

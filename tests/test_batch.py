@@ -1,15 +1,22 @@
 """Many projects at once: names, failures that stay alone, further attempts, going on."""
 
+import base64
 import csv
 import json
 import sys
+from urllib.parse import unquote
 
+import cv2
+import numpy as np
 import pytest
-from totems import WALK, film
+from pages import parsed
+from totems import VIDEO, WALK, copied, film
 from typer.testing import CliRunner
 
 from meshlab_svbrdf import batch as module
-from meshlab_svbrdf.batch import DONE, FAILED, LEFT, Entry, read_list, run_batch
+from meshlab_svbrdf.batch import run_batch
+from meshlab_svbrdf.batch_list import DONE, FAILED, LEFT, Entry, Result, read_list
+from meshlab_svbrdf.batch_page import look_at, summary
 from meshlab_svbrdf.cli import app
 from meshlab_svbrdf.errors import DocumentError, SvbrdfError
 
@@ -76,6 +83,46 @@ def test_an_interruption_ends_the_batch(tmp_path, projects):
     assert [r.state for r in found] == [DONE, LEFT]
 
 
+def test_the_page_has_a_row_for_every_project_begun_or_not(tmp_path, projects):
+    run_batch(projects("", "bad", "130", ""), tmp_path / "out", ["--preset", "draft"])
+    page = (tmp_path / "out" / "batch.html").read_text(encoding="utf-8")
+    parsed(page)
+    for name, state in (("p0", "done"), ("p1", "failed"), ("p2", "interrupted"), ("p3", "not beg")):
+        row = next(row for row in page.split("<tr>") if f">{name}</strong>" in row)
+        assert state in row
+        assert ("a.jpg does not exist" in row) == (name == "p1")
+
+
+def test_what_others_wrote_is_text_in_the_page(tmp_path):
+    name = "<b>&#x22;é ?"
+    (tmp_path / name).mkdir()
+    (tmp_path / name / f"{name}.html").touch()
+    bad = Result(name, "x.mlp", FAILED, 2, 1.0, {}, "<script>", {"<i>": "<u>"}, ["<s>"])
+    found = parsed(summary(tmp_path, [name], ["<p>"], [bad]))
+    assert not {"b", "i", "u", "s", "script"} & {element for element, _ in found}
+    links = [given["href"] for element, given in found if element == "a"]
+    assert [unquote(link) for link in links] == [f"#{name}", f"{name}/{name}.html"]
+
+
+def test_a_result_is_looked_at(tmp_path, tmp_path_factory):
+    document = copied(tmp_path_factory, VIDEO, tmp_path / "out")
+    document.save()
+    figures, remarks, picture = look_at(document.path)
+    count = len(document.array("texels_face"))
+    assert figures["texels"] == f"{count:,}"
+    materials = [m for m in document.json("materials")["materials"] if m["observed"]]
+    assert materials
+    for m in materials:
+        assert figures[f"material {m['id']}"].endswith(f"α {m['alpha']:.3g}")
+    assert "No frame is held out: nothing here was judged by frames it had not seen." in remarks
+    ((_, image),) = (each for each in parsed(picture) if each[0] == "img")
+    data = base64.b64decode(image["src"].partition(",")[2])
+    shown = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+    assert max(shown.shape) == 150
+    assert (abs(shown.astype(int) - 245).max(2) > 20).mean() > 0.2
+    assert look_at(tmp_path / "none.mlp") == ({}, [], "")
+
+
 def test_options_that_run_does_not_take_end_the_batch(tmp_path, projects):
     with pytest.raises(SvbrdfError, match="does not take --nonsense"):
         run_batch(projects("2", ""), tmp_path / "out", ["--nonsense"])
@@ -128,8 +175,14 @@ def test_two_films_in_the_shell(tmp_path, tmp_path_factory):
         tmp_path / "out",
         "--script",
         tmp_path / "texels.mlx",
+        "--reports",
     ]
     result = CliRunner().invoke(app, [str(word) for word in words])
     assert result.exit_code == 1, result.output
     assert "1 of 2 projects done; not: lost." in result.output.replace("\n", " ")
     assert (tmp_path / "out" / "totem" / "totem.mlp").exists()
+    links = [given["href"] for element, given in parsed(
+        (tmp_path / "out" / "batch.html").read_text(encoding="utf-8")
+    ) if element == "a"]  # fmt: skip
+    assert links == ["#lost", "totem/totem.html"]
+    parsed((tmp_path / "out" / "totem" / "totem.html").read_text(encoding="utf-8"))

@@ -23,6 +23,7 @@ from ..geometry.camera import Camera
 from ..geometry.lens import Lens
 from ..geometry.mesh import Mesh
 from ..progress import Progress, Show
+from ..spread import Spread
 from .atomic import remove_leftovers
 from .exact import remember, restore
 from .frames import Frames, file_stamp
@@ -61,6 +62,7 @@ class Document(Products):
     path : where `save` writes the project
     layers : mesh layers in the project's order, those of earlier results included
     rasters : the frames that filters see: held-out ones are in `held_out`
+    spread : where filters have done what workers can do; None: in this process
     """
 
     def __init__(self, project: Project, path: Path, folder: Path | None = None) -> None:
@@ -73,6 +75,7 @@ class Document(Products):
                 "%s/exact.mlp: %s", path.name, self.folder.name, restored,
             )  # fmt: skip
         self.layers = [Layer(m.label, m.path, m.matrix, m.visible, entry=m) for m in project.meshes]
+        self.spread: Spread | None = None
         self._told = ""
         self._remembered: list[Any] | None = None  # what `remember` wrote last
         self._placing: dict[str, Any] | None = None  # rasters that the filter that runs now sets

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -18,6 +19,7 @@ from ..samples.observations import (
     mirrors,
     visibility,
 )
+from ..samples.store import Block
 from .directions import look_up, octahedral_cell, octahedral_directions
 from .rows import luminances, read_row
 from .threshold import LuminanceStatistics
@@ -205,9 +207,9 @@ def _diffuse(block, view, threshold, minimum, lit, letter, method, out):
             bound = float(quantile(ys, 0.25))
         # Average the colours below the bound (eq. 6)
         limit = np.float32(bound + 1e-4)
-        out[t, 0] = _mean_below(ys, limit, quality, red)
-        out[t, 1] = _mean_below(ys, limit, quality, green)
-        out[t, 2] = _mean_below(ys, limit, quality, blue)
+        out[i, 0] = _mean_below(ys, limit, quality, red)
+        out[i, 1] = _mean_below(ys, limit, quality, green)
+        out[i, 2] = _mean_below(ys, limit, quality, blue)
 
 
 def diffuse_color(
@@ -245,13 +247,15 @@ def diffuse_color(
         rays[:, 2].copy(), np.hypot(rays[:, 0], rays[:, 1]), np.arctan2(rays[:, 1], rays[:, 0]),
         cone_weights(cone, cone_kernel).astype(np.float32),
     )  # fmt: skip
-    out = np.full((len(observations.texels), 3), np.nan, np.float32)
+    work = partial(
+        _block_diffuse, observations.view, statistics.threshold, statistics.minimum, lit,
+        weights == "s", METHODS.index(method),
+    )  # fmt: skip
+    return observations.store.rows(work, progress)[0]
 
-    def work(block):
-        _diffuse(
-            block, observations.view, statistics.threshold, statistics.minimum, lit,
-            weights == "s", METHODS.index(method), out,
-        )  # fmt: skip
 
-    observations.store.map(work, progress)
-    return out
+def _block_diffuse(view, threshold, minimum, lit, letter, method, block: Block):
+    """D of a block's texels."""
+    out = np.full((block.stop - block.first, 3), np.nan, np.float32)
+    _diffuse(block, view, threshold, minimum, lit, letter, method, out)
+    return (out,)

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
 from ..jit import kernel
 from ..power import FAST
 from ..ranks import quantile
-from ..samples.observations import Observations, longest, mirrors
+from ..samples.observations import Observations, View, longest, mirrors
 from ..samples.store import Block
 from .lights import Light
 from .lobes import add_sharp, clear
 from .microfacet import PHONG, Gloss, specular
-from .phong import cast_shadows, lamps, light_texel
+from .phong import Lamps, cast_shadows, lamps, light_texel
 from .rows import luminances, read_row
 
 LEAST_SCALE = 0.3
@@ -72,7 +73,7 @@ def _refit(block, view, material, gloss, tint, bulbs, diffuse):
         t, first = block.first + i, block.offsets[i]
         n = block.offsets[i + 1] - first
         m = material[t]
-        if m < 0 or not gloss.facing[m] + gloss.grazing[m] > 0 or not diffuse[t, 0] >= 0:
+        if m < 0 or not gloss.facing[m] + gloss.grazing[m] > 0 or not diffuse[i, 0] >= 0:
             continue
         light_texel(view, t, bulbs, coefficients, rays, gains)
         read_row(block, view, first, n, red, green, blue, quality, bound)
@@ -84,7 +85,7 @@ def _refit(block, view, material, gloss, tint, bulbs, diffuse):
             for j in range(n):
                 shine[j] = specular(gloss, m, 0.0, view.normal[t], x[j], y[j], z[j], rays, gains)
         # Subtract the lobes; weigh by the residual against the diffuse colour so far
-        d = 0.2126 * diffuse[t, 0] + 0.7152 * diffuse[t, 1] + 0.0722 * diffuse[t, 2]
+        d = 0.2126 * diffuse[i, 0] + 0.7152 * diffuse[i, 1] + 0.0722 * diffuse[i, 2]
         luminances(n, red, green, blue, e)
         for j in range(n):
             e[j] -= shine[j]
@@ -97,9 +98,9 @@ def _refit(block, view, material, gloss, tint, bulbs, diffuse):
                 d = top / weight
         if weight > 0:
             r, g, b, s = _sums(n, red, green, blue, shine, w)
-            diffuse[t, 0] = max((r - tint[m, 0] * s) / weight, 0.0)
-            diffuse[t, 1] = max((g - tint[m, 1] * s) / weight, 0.0)
-            diffuse[t, 2] = max((b - tint[m, 2] * s) / weight, 0.0)
+            diffuse[i, 0] = max((r - tint[m, 0] * s) / weight, 0.0)
+            diffuse[i, 1] = max((g - tint[m, 1] * s) / weight, 0.0)
+            diffuse[i, 2] = max((b - tint[m, 2] * s) / weight, 0.0)
 
 
 def refit_diffuse(
@@ -110,7 +111,6 @@ def refit_diffuse(
     tint: np.ndarray,
     lights: list[Light],
     progress: Callable[[int, int], None] = lambda done, total: None,
-    also: Callable[[Block], None] = lambda block: None,
 ) -> np.ndarray:
     """D of every texel with its material's highlights taken off, (T, 3) float32, linear RGB 0..100.
 
@@ -119,18 +119,34 @@ def refit_diffuse(
     diffuse : (T, 3), the statistical D; it stays where the material has no gloss
     material : (T,) int32, -1 for none
     gloss : of the M materials; tint : (M, 3), the highlights' colours
-    also : what else is to be done with every block, now that it is read
     """
-    out = diffuse.astype(np.float32).copy()
+    work = refitting(observations, diffuse, material, gloss, tint, lights)
+    return observations.store.rows(work, progress)[0]
+
+
+def refitting(
+    observations: Observations,
+    diffuse: np.ndarray,
+    material: np.ndarray,
+    gloss: Gloss,
+    tint: np.ndarray,
+    lights: list[Light],
+) -> Callable[[Block], tuple[np.ndarray]]:
+    """What gives `refit_diffuse` for a block's texels."""
     everywhere = np.arange(len(observations.texels))
     bulbs = lamps(
         lights, observations.texels.radius, cast_shadows(observations, everywhere, lights)
     )
     tint = np.asarray(tint, np.float64)
+    return partial(
+        _block_refit, observations.view, material, gloss, tint, bulbs, diffuse.astype(np.float32)
+    )
 
-    def work(block: Block) -> None:
-        _refit(block, observations.view, material, gloss, tint, bulbs, out)
-        also(block)
 
-    observations.store.map(work, progress)
-    return out
+def _block_refit(
+    view: View, material: np.ndarray, gloss: Gloss, tint: np.ndarray, bulbs: Lamps,
+    diffuse: np.ndarray, block: Block,
+) -> tuple[np.ndarray]:  # fmt: skip
+    own = diffuse[block.first : block.stop].copy()
+    _refit(block, view, material, gloss, tint, bulbs, own)
+    return (own,)

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from ..samples.observations import Observations, with_normals
-from .diffuse_refit import refit_diffuse
+from ..samples.store import Block
+from .diffuse_refit import refitting
 from .finish import finish_diffuse
-from .footprint import Footprints
+from .footprint import Footprints, covering
 from .joint import Material, fit
 from .lights import Light
 from .microfacet import Microfacets
@@ -113,17 +115,25 @@ def estimate(
             observations, material, found.materials, lights, turn, footprint, **options
         )
     gloss, tint = described(chosen.materials, chosen.microfacets)
-    covered = Footprints(observations)
-    refitted = refit_diffuse(
-        observations, diffuse, material, gloss, tint, chosen.lights,
-        part(0.8, 0.9, "diffuse colour"), covered.look,
-    )  # fmt: skip
+    refit = refitting(observations, diffuse, material, gloss, tint, chosen.lights)
+    refitted, *covered = observations.store.rows(
+        partial(_both, refit, covering(observations)), part(0.8, 0.9, "diffuse colour")
+    )
     rho_s, alpha = np.array([(m.rho_s, m.alpha) for m in chosen.materials]).reshape(-1, 2).T
     done = finish_diffuse(
         observations, refitted, material, rho_s, alpha, tint, chosen.lights,
-        ambient=ambient, covered=covered if sharp else None,
+        ambient=ambient, covered=Footprints(*covered) if sharp else None,
     )  # fmt: skip
     return Estimate(
         chosen.materials, chosen.lights, done.diffuse, done.ambient, done.highlight, corrected,
         chosen.microfacets, notes + found.notes + chosen.notes + done.notes,
     )  # fmt: skip
+
+
+def _both(
+    first: Callable[[Block], tuple[np.ndarray, ...]],
+    then: Callable[[Block], tuple[np.ndarray, ...]],
+    block: Block,
+) -> tuple[np.ndarray, ...]:
+    """Two works on a block that is read once."""
+    return *first(block), *then(block)

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+
 import numpy as np
 
 from ..geometry.tangents import tangents
 from ..jit import kernel
 from ..ranks import quantile
-from ..samples.observations import Observations, sample_luminance, sample_quality
+from ..samples.observations import Observations, View, sample_luminance, sample_quality
 from ..samples.store import Block
 
 SPREAD = 1 / 12 + 1 / 6
@@ -54,11 +58,12 @@ def _footprints(block, view, pixel, out, noise):
                 steps[count] = abs(step)
                 count += 1
         if weight > 0.0:
-            out[t, 0], out[t, 1], out[t, 2] = aa / weight, ab / weight, bb / weight
+            out[i, 0], out[i, 1], out[i, 2] = aa / weight, ab / weight, bb / weight
         if count > 0:
-            noise[t] = STEP * quantile(steps[:count], 0.5) / np.sqrt(n)
+            noise[i] = STEP * quantile(steps[:count], 0.5) / np.sqrt(n)
 
 
+@dataclass(frozen=True)
 class Footprints:
     """What the frames' pixels cover at each texel, and how certain their mean is.
 
@@ -69,19 +74,22 @@ class Footprints:
     noise : (T,) float32, standard error of a mean of the samples' luminance, 0..100; 0 for one
     """
 
-    def __init__(self, observations: Observations) -> None:
-        count = len(observations.texels)
-        self.observations = observations
-        self.covariance, self.noise = np.zeros((count, 3), np.float32), np.zeros(count, np.float32)
+    covariance: np.ndarray
+    noise: np.ndarray
 
-    def look(self, block: Block) -> None:
-        """Fill in a block's texels."""
-        own = self.observations
-        _footprints(block, own.view, own.pixel, self.covariance, self.noise)
+
+def covering(observations: Observations) -> Callable[[Block], tuple[np.ndarray, np.ndarray]]:
+    """What gives the fields of `Footprints` for a block's texels."""
+    return partial(_block_footprints, observations.view, observations.pixel)
+
+
+def _block_footprints(view: View, pixel: np.ndarray, block: Block) -> tuple[np.ndarray, np.ndarray]:
+    count = block.stop - block.first
+    covariance, noise = np.zeros((count, 3), np.float32), np.zeros(count, np.float32)
+    _footprints(block, view, pixel, covariance, noise)
+    return covariance, noise
 
 
 def footprints(observations: Observations) -> Footprints:
     """Those of all texels."""
-    found = Footprints(observations)
-    observations.store.map(found.look)
-    return found
+    return Footprints(*observations.store.rows(covering(observations)))

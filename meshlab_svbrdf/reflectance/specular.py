@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
 from ..jit import kernel
 from ..samples.observations import Observations, mirror_direction, sample_luminance
+from ..samples.store import Block
 from .fit_samples import is_clipped
 from .lights import Light, tangents
 
@@ -196,7 +198,7 @@ def _specular(
             )
             if a > 0:
                 best = d2
-                rho[t], alpha[t], dist[t], light[t] = r, a, np.sqrt(d2), k
+                rho[i], alpha[i], dist[i], light[i] = r, a, np.sqrt(d2), k
 
 
 def texel_specular(
@@ -221,18 +223,23 @@ def texel_specular(
     p : "nearest" takes the point of the ellipse of equal distance nearest to the light, "farthest"
         the paper's text
     """
-    count = len(observations.texels)
+    if not lights:
+        return TexelSpecular(*_nothing(len(observations.texels)))
+    how = (peaks == "direction", c_min == "least", p == "farthest")
+    work = partial(
+        _block_specular, observations.view, observations.sequence, observations.order,
+        diffuse.astype(np.float32), shapes(lights), how,
+    )  # fmt: skip
+    return TexelSpecular(*observations.store.rows(work, progress))
+
+
+def _block_specular(view, sequence, order, diffuse, table, how, block: Block):
+    """The fields of `TexelSpecular` for a block's texels."""
+    found = _nothing(block.stop - block.first)
+    _specular(block, view, sequence, order, diffuse, table, *how, *found)
+    return found
+
+
+def _nothing(count: int) -> tuple[np.ndarray, ...]:
     rho, alpha, distance = (np.full(count, np.nan, np.float32) for _ in range(3))
-    light = np.full(count, -1, np.int16)
-    if lights:
-        table = shapes(lights)
-
-        def work(block):
-            _specular(
-                block, observations.view, observations.sequence, observations.order,
-                diffuse.astype(np.float32), table, peaks == "direction", c_min == "least",
-                p == "farthest", rho, alpha, distance, light,
-            )  # fmt: skip
-
-        observations.store.map(work, progress)
-    return TexelSpecular(rho, alpha, distance, light)
+    return rho, alpha, distance, np.full(count, -1, np.int16)

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from ..jit import kernel
 from ..samples.observations import (
     Observations,
+    View,
     color,
     longest,
     relative_luminance,
 )
+from ..samples.store import Block
 
 MINIMUM_SAMPLES = 8
 """Texels with fewer samples are unobserved, where nothing else is asked for."""
@@ -53,15 +56,14 @@ def _threshold(block, view, cut, least, threshold, mean, minimum, rgb, samples):
                 low = min(low, y)
                 ys[n] = y
                 n += 1
-        t = block.first + i
-        samples[t] = n
+        samples[i] = n
         if n < least:
             continue
         mu, deviation = total / n, 0.0
         for j in range(n):
             deviation += abs(ys[j] - mu)
-        threshold[t], mean[t], minimum[t] = mu + deviation / n, mu, low
-        rgb[t, 0], rgb[t, 1], rgb[t, 2] = red / n, green / n, blue / n
+        threshold[i], mean[i], minimum[i] = mu + deviation / n, mu, low
+        rgb[i, 0], rgb[i, 1], rgb[i, 2] = red / n, green / n, blue / n
 
 
 def luminance_threshold(
@@ -73,15 +75,15 @@ def luminance_threshold(
     Texels with fewer than `minimum_samples` of these are unobserved.
     Since |μ − m| ≤ E|X − m| ≤ E|X − μ|, t bounds the median m from above.
     """
-    count = len(observations.texels)
+    cut = int(np.rint(minimum_quality * 127))
+    work = partial(_block_statistics, observations.view, cut, minimum_samples)
+    return LuminanceStatistics(*observations.store.rows(work, progress))
+
+
+def _block_statistics(view: View, cut: int, least: int, block: Block) -> tuple[np.ndarray, ...]:
+    """The fields of `LuminanceStatistics` for a block's texels."""
+    count = block.stop - block.first
     threshold, mean, minimum = (np.full(count, np.nan, np.float32) for _ in range(3))
     rgb, samples = np.full((count, 3), np.nan, np.float32), np.zeros(count, np.int32)
-    cut = int(np.rint(minimum_quality * 127))
-
-    def work(block):
-        _threshold(
-            block, observations.view, cut, minimum_samples, threshold, mean, minimum, rgb, samples
-        )
-
-    observations.store.map(work, progress)
-    return LuminanceStatistics(threshold, mean, minimum, rgb, samples)
+    _threshold(block, view, cut, least, threshold, mean, minimum, rgb, samples)
+    return threshold, mean, minimum, rgb, samples

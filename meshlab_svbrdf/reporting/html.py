@@ -33,6 +33,9 @@ p { margin: .4rem 0; max-width: 46rem; }
 .strip { display: grid; gap: .5rem; margin: .8rem 0;
   grid-template-columns: repeat(auto-fit, minmax(min(46%, 11rem), 1fr)); }
 .few { max-width: 32rem; }
+.small { width: 9rem; } .small figcaption { display: none; } .small figure img { width: auto;
+  max-width: 100%; margin: auto; }
+td p { margin: 0 0 .3rem; }
 figure { margin: 0; break-inside: avoid; }
 figure img, figure svg { display: block; width: 100%; height: auto; }
 figcaption { font-size: .82rem; color: var(--dim); margin-top: .2rem; }

@@ -13,13 +13,15 @@ import json
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
 from itertools import count, pairwise
 from pathlib import Path
-from typing import NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
 from ..jit import kernel
+from ..spread import Spread
 from ..threads import thread_count
 from .chunks import (
     COLUMNS,
@@ -141,7 +143,7 @@ def write_store(
                 lambda done: progress(done, frames),
             )  # fmt: skip
 
-        for first, stop, taken in _parts(names, texels, earlier):
+        for first, stop, taken in runs_known(names, texels, earlier):
             for chunk, seen, quality in (
                 [(keep(taken[0]), *taken[1:])] if taken else project(first, stop)
             ):
@@ -156,10 +158,11 @@ def write_store(
     return store
 
 
-def _parts(
+def runs_known(
     names: Sequence[str], texels: int, earlier: Sequence[SampleStore]
 ) -> Iterator[tuple[int, int, Found | None]]:
-    """Runs first..stop of the frames: a chunk of an earlier store, or None where there is none."""
+    """Runs first..stop of the frames of these names: a chunk of an earlier store that has them, or
+    None where none has."""
     known = {
         tuple(store.names[first : first + chunk.frames]): (
             chunk,
@@ -224,12 +227,24 @@ def _project(
             yield written.result()
 
 
+@dataclass(frozen=True)
+class _Reading:
+    """Work on a block that is read where the work is done."""
+
+    store: SampleStore
+    work: Callable[[Block], Any]
+
+    def __call__(self, bounds: tuple[int, int]) -> Any:
+        return self.work(self.store.read(*bounds))
+
+
 class SampleStore:
     """Chunks in the frames' order; memory stays at a block, whatever the number of frames.
 
     texels, frames : how many there are; seen : (F,) int64, samples of each frame
     quality : (F,) float64, the mean of a frame's samples
     names : what each frame's samples were made from, "" where that is not known
+    spread : where `rows` has its work done; None: on this process's threads
     """
 
     def __init__(
@@ -246,7 +261,12 @@ class SampleStore:
         self.names = list(names)
         self.seen = np.array(seen, np.int64)
         self.quality = np.array(quality, np.float64)
+        self.spread: Spread | None = None
         self._counts: np.ndarray | None = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What a worker needs of it; of chunks in files that is their place."""
+        return self.__dict__ | {"spread": None, "_counts": None}
 
     @classmethod
     def open(cls, folder: Path) -> SampleStore:
@@ -356,6 +376,25 @@ class SampleStore:
                     pending.append(pool.submit(lambda a, b: work(self.read(a, b)), first, stop))
                 yield pending.popleft().result()
                 progress(done, len(bounds))
+
+    def rows(
+        self,
+        work: Callable[[Block], Sequence[np.ndarray]],
+        progress: Callable[[int, int], None] = lambda d, t: None,
+    ) -> list[np.ndarray]:
+        """Arrays with a row per texel: `work` gives those of every block, wherever it runs.
+
+        work : as `Spread` wants it
+        """
+        bounds = self.block_bounds()
+        parts = self.spread(_Reading(self, work), bounds) if self.spread else self.stream(work)
+        whole: list[np.ndarray] = []
+        for done, ((first, stop), part) in enumerate(zip(bounds, parts, strict=True), 1):
+            whole = whole or [np.empty((self.texels, *p.shape[1:]), p.dtype) for p in part]
+            for rows, own in zip(whole, part, strict=True):
+                rows[first:stop] = own
+            progress(done, len(bounds))
+        return whole
 
     def read_texels(self, texels: np.ndarray) -> Block:
         """The samples of some texels (n,), as of the texels 0..n of a smaller store."""
