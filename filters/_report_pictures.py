@@ -144,8 +144,8 @@ def comparison(document: Document) -> Html:
 def _map(
     document: Document, title: str, image: str, pixels: np.ndarray, log: bool, unit: str
 ) -> Html:  # fmt: skip
-    known = np.isfinite(pixels) if pixels.ndim == 1 else np.isfinite(pixels).all(1)
-    values = pixels[known].reshape(int(known.sum()), -1)
+    pixels = pixels.reshape(len(pixels), int(np.prod(pixels.shape[1:])))
+    values = pixels[np.isfinite(pixels).all(1)]
     images = [
         picture(each[..., :3], f"{title}{f', texture {k}' if k else ''}", MAP)
         for k, each in enumerate(document.map(image, "png"))
