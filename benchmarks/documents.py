@@ -18,10 +18,12 @@ from . import (
     photographs,
     registration,
     relighting,
+    sequences,
     timing,
 )
 from .ledger import ROOT, Row
 from .plot import time_plot
+from .sequences_plot import sequences_plot
 from .stability import part as stability
 from .tables import Column, Table, splice, table
 
@@ -35,6 +37,8 @@ PICTURE = ROOT / "docs" / "images" / "accuracy_time.png"
 SCALING = ROOT / "docs" / "scaling.md"
 EXPORT = ROOT / "docs" / "export.md"
 EXPORT_PICTURE = ROOT / "docs" / "images" / "export.png"
+SEQUENCES = ROOT / "docs" / "sequences.md"
+SEQUENCES_PICTURE = ROOT / "docs" / "images" / "sequences.png"
 PARTS = (accuracy, timing, ablation, photographs)
 SHORT = (
     Column("s", "seconds", "{:.0f}"),
@@ -72,6 +76,10 @@ def write_documents(rows: Mapping[str, Sequence[Row]]) -> None:
     if own := rows.get(relighting.PART):
         for (name, where), each in zip(RELIT.items(), relighting.tables(own), strict=False):
             splice(where, name, each.markdown())
+    if own := rows.get(sequences.PART):
+        text = "\n\n".join(each.markdown() for each in sequences.tables(own))
+        splice(SEQUENCES, sequences.PART, text)
+        sequences_plot(own, SEQUENCES_PICTURE)
     if own := rows.get(stability.PART):
         for row in own:
             text = "\n\n".join(each.markdown() for each in stability.tables([row]))
