@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 
 from meshlab_svbrdf.document.document import Document
-from meshlab_svbrdf.document.images import texture_files
 from meshlab_svbrdf.document.layers import Layer
 from meshlab_svbrdf.document.mesh_files import MeshFile
 from meshlab_svbrdf.errors import SvbrdfError
@@ -72,8 +71,7 @@ def set_labels(document: Document, texels: Texels, labels: np.ndarray) -> str:
     layer = document.object_layer()
     mesh = document.mesh()
     local = replace(layer.read().mesh, uv=mesh.uv, texture_index=mesh.texture_index)
-    shown = document.folder / "maps" / "materials_shown.png"
-    textures = tuple(texture_files(shown, len(texels.sizes)))
+    textures = tuple(document.map_places("materials_shown", len(texels.sizes), "png"))
     document.set_layer(
         Layer("materials", None, layer.matrix, False, MeshFile(mesh=local, textures=textures))
     )
