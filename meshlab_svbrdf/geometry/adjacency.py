@@ -11,6 +11,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from ..blocks import blocks
 from ..jit import kernel
 
 # Generally don't change these: a square grid has its diagonal at 1.4 spacings and a seam between
@@ -84,14 +85,17 @@ def thin(position: np.ndarray, normal: np.ndarray, count: int) -> np.ndarray:
     """
     if len(position) <= count:
         return np.arange(len(position))
-    octant = (normal > 0) @ np.array([1, 2, 4])
+    low, high = position.min(0), position.max(0)
+    key = np.empty(len(position), np.int64)
 
     # Occupied cells go with the inverse square of their size
     cell = spacing(position) * np.sqrt(len(position) / count)
     for _ in range(4):
-        grid = np.floor((position - position.min(0)) / cell).astype(np.int64)
-        extent = grid.max(0) + 1
-        key = ((grid[:, 0] * extent[1] + grid[:, 1]) * extent[2] + grid[:, 2]) * 8 + octant
+        extent = np.floor((high - low) / cell).astype(np.int64) + 1
+        for own in blocks(len(position)):
+            grid = np.floor((position[own] - low) / cell).astype(np.int64)
+            octant = (normal[own] > 0) @ np.array([1, 2, 4])
+            key[own] = ((grid[:, 0] * extent[1] + grid[:, 1]) * extent[2] + grid[:, 2]) * 8 + octant
         chosen = np.unique(key, return_index=True)[1]
         cell *= np.sqrt(len(chosen) / count)
     return np.sort(chosen)
@@ -103,8 +107,12 @@ def _tree(position: np.ndarray) -> cKDTree:
 
 def _nearest(position: np.ndarray, k: int) -> tuple[np.ndarray, np.ndarray]:
     """Distances (T, k + 1) float32 and indices (T, k + 1) int32, the texel itself among them."""
-    distance, index = _tree(position).query(position, k=k + 1, workers=-1)
-    return distance.astype(np.float32), index.astype(np.int32)
+    tree = _tree(position)
+    distance = np.empty((len(position), k + 1), np.float32)
+    index = np.empty(distance.shape, np.int32)
+    for own in blocks(len(position)):
+        distance[own], index[own] = tree.query(position[own], k=k + 1, workers=-1)
+    return distance, index
 
 
 def _local_spacing(distance: np.ndarray) -> np.ndarray:

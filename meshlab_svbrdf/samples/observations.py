@@ -104,8 +104,10 @@ def observe(
     if not (np.isfinite(gain).all() and (gain > 0).all()):
         raise ValueError("gains: expected positive numbers")
     view = View(
-        np.array(texels.position, np.float32), np.array(texels.normal, np.float32),
-        np.array(texels.face, np.int32), np.array(texels.barycentric, np.float32),
+        np.ascontiguousarray(texels.position, np.float32),
+        np.ascontiguousarray(texels.normal, np.float32),
+        np.ascontiguousarray(texels.face, np.int32),
+        np.ascontiguousarray(texels.barycentric, np.float32),
         np.array([c.center - texels.center for c in cameras], np.float32).reshape(count, 3),
         np.ascontiguousarray(100.0 / gain, np.float32),
         np.array(faces, np.int32),
