@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from meshlab_svbrdf.blocks import blocks
 from meshlab_svbrdf.document.document import Document
 from meshlab_svbrdf.geometry.gutters import fill_gutters
 from meshlab_svbrdf.geometry.texels import Texels
@@ -27,7 +28,9 @@ def set_diffuse_maps(document: Document, texels: Texels, diffuse: np.ndarray) ->
     linear = (diffuse / 100).astype(np.float32)
     observed = np.asarray(np.isfinite(linear).all(axis=1))
     document.set_map("diffuse", texels.to_images(linear))
-    colors = np.where(observed[:, None], to_srgb8(linear), np.uint8(UNOBSERVED_GREY))
+    colors = np.full(linear.shape, UNOBSERVED_GREY, np.uint8)
+    for own in blocks(len(linear)):
+        colors[own][observed[own]] = to_srgb8(linear[own][observed[own]])
     set_texture(document, "diffuse", texels, colors)
     valid = np.where(observed, np.uint8(255), np.uint8(0))
     document.set_map("valid", texels.to_images(valid, np.uint8(0)), kind="png")
@@ -49,7 +52,9 @@ def set_scalar_map(
     low, high = np.quantile(scale[known], [0.01, 0.99]) if known.any() else (0.0, 1.0)
     if high - low < 1e-6 * max(abs(high), 1e-6):
         low, high = low - 0.5, high + 0.5
-    share = (np.where(known, scale, low) - low) / (high - low)
-    colors = np.where(known[:, None], viridis(share), np.uint8(UNOBSERVED_GREY))
+    colors = np.full((len(values), 3), UNOBSERVED_GREY, np.uint8)
+    for own in blocks(len(values)):
+        share = (scale[own] - low) / (high - low)
+        colors[own][known[own]] = viridis(share[known[own]])
     set_texture(document, name, texels, colors)
     document.show_map(shown, name)

@@ -22,10 +22,13 @@ from numba.core.event import install_recorder
 
 from ..document.document import Document
 from ..document.frames import Frames, FramesInOrder
+from ..document.mesh_files import write_ply
 from ..presets import chain
 from ..registration.track import register_frames
 from ..script import run_script
 from ..threads import thread_count
+from .analysis import TEXELS, VISIBILITY
+from .body import body
 from .files import ahead
 from .workload import Options, make_workload
 
@@ -97,8 +100,36 @@ def sizes_of(document: Document) -> Figures:
         "texels": len(document.texels()),
         "samples": sum(used),
         "store_bytes": sum(store),
+        "disk": disk_of(document),
         "clusters": len(materials),
     }
+
+
+def disk_of(document: Document) -> int:
+    """Bytes of all results."""
+    files = (path for path in document.folder.rglob("*") if path.is_file())
+    return sum(path.stat().st_size for path in files)
+
+
+def run_surface(folder: str, triangles: int, size: int, directions: int) -> Figures:
+    """The stages that need the mesh alone, on one of about so many triangles."""
+    place = Path(tempfile.mkdtemp(dir=folder))
+    mesh = body(triangles)
+    write_ply(place / "body.ply", mesh)
+    given: dict[str, dict[str, Any]] = {
+        TEXELS: {"texture_size": size},
+        VISIBILITY: {"mode": "always", "directions": directions},
+    }
+    stages = []
+    del mesh
+    document = Document.of_mesh(place / "body.ply", place / "out.mlp")
+    for name, parameters in given.items():
+        with metered() as meter:
+            document.apply(name, **parameters)
+        stages.append({"name": name} | meter)
+    told = {"stages": stages, "triangles": len(document.mesh().faces), "disk": disk_of(document)}
+    shutil.rmtree(place)
+    return told
 
 
 def decode_frames(document: Document) -> Figures:
@@ -189,6 +220,7 @@ def run_registration(project: str, count: int) -> Figures:
 
 TASKS: dict[str, Callable[..., Figures]] = {
     "chain": run_chain, "decode": run_decode, "warm": warm_up, "register": run_registration,
+    "surface": run_surface,
 }  # fmt: skip
 
 

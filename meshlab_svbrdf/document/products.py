@@ -73,9 +73,13 @@ class Products:
         names = (re.fullmatch(r"texels/(.+)\.npy", entry) for entry in entries)
         return sorted(name[1] for name in names if name and self._visible(name[0]))
 
-    def attribute(self, name: str) -> np.ndarray:
-        """An attribute of the texels, (T,) or (T, k); `svbrdf_NAME` and NAME are the same."""
-        return read_array(self._find(f"texels/{attribute_name(name)}.npy", f"attribute {name}"))
+    def attribute(self, name: str, *, mmap: bool = False) -> np.ndarray:
+        """An attribute of the texels, (T,) or (T, k); `svbrdf_NAME` and NAME are the same.
+
+        mmap : read only and left in its file
+        """
+        path = self._find(f"texels/{attribute_name(name)}.npy", f"attribute {name}")
+        return read_array(path, mmap=mmap)
 
     def set_attribute(self, name: str, values: np.ndarray) -> None:
         """Stage one value, or row of values, per texel."""

@@ -20,7 +20,7 @@ ROUNDING = 1e-4
 
 
 def split_tiles(mesh: Mesh) -> tuple[Mesh, np.ndarray] | None:
-    """The mesh with a texture for each tile, coordinates in 0..1, and the tiles' numbers (N,) int32.
+    """The mesh with a texture for each tile, coordinates in 0..1, and the tiles' numbers (N,).
 
     None where the coordinates are no UDIM: all lie in 0..1, or a face reaches over its tile's
     border, or lies left of or below the first, as where one image repeats. Faces without a texture
@@ -29,9 +29,10 @@ def split_tiles(mesh: Mesh) -> tuple[Mesh, np.ndarray] | None:
     """
     if mesh.uv is None:
         return None
-    index = np.zeros(len(mesh.faces), np.int32) if mesh.texture_index is None else mesh.texture_index
+    count, index = len(mesh.faces), mesh.texture_index
+    index = np.zeros(count, np.int32) if index is None else index
     has = (index >= 0) & np.isfinite(mesh.uv).all((1, 2))
-    tile = np.zeros((len(mesh.faces), 2), np.int64)
+    tile = np.zeros((count, 2), np.int64)
     tile[has] = np.floor(mesh.uv[has].mean(1))
     inner = mesh.uv - tile[:, None]
     crossing = ((inner[has] < -ROUNDING) | (inner[has] > 1 + ROUNDING)).any()
@@ -39,6 +40,6 @@ def split_tiles(mesh: Mesh) -> tuple[Mesh, np.ndarray] | None:
         return None
     number = FIRST + tile[:, 0] + ACROSS * tile[:, 1]
     found, texture = np.unique(np.column_stack([number, index])[has], axis=0, return_inverse=True)
-    own = np.full(len(mesh.faces), -1, np.int32)
+    own = np.full(count, -1, np.int32)
     own[has] = texture.reshape(-1)
     return replace(mesh, uv=inner, texture_index=own), found[:, 0].astype(np.int32)
