@@ -11,6 +11,7 @@
     python -m benchmarks relighting               other light, and the time of a picture
     python -m benchmarks stability [--scene extremes|files|guards|…]
     python -m benchmarks materials [--scene …]    areas of one material, found and edited by hand
+    python -m benchmarks hdr                      8 bits, 16, floats, brackets
     python -m benchmarks page                     how long the page of `view` lets one wait
     python -m benchmarks --all --docs             everything, into the documentation
 
@@ -37,6 +38,7 @@ from . import (
     ablation,
     accuracy,
     export,
+    hdr,
     materials,
     page,
     performance,
@@ -56,7 +58,7 @@ from .stability import part as stability
 SLOW = "mitsuba"  # this peer is compared over time, on one scene
 _PARTS = (
     accuracy, timing, ablation, photographs, performance, registration, export, relighting,
-    stability, materials, page,
+    stability, materials, page, hdr,
 )  # fmt: skip
 PARTS = {part.PART: part for part in _PARTS}
 
@@ -135,6 +137,8 @@ def wanted(arguments: argparse.Namespace, ledger: Ledger) -> tuple[list[Task], l
         tasks += stability.tasks(arguments.scene)
     if materials.PART in parts:
         tasks += materials.tasks(ledger, cases([SAMPLE, *SCENES, LONG]), size or 512)
+    if hdr.PART in parts:
+        tasks += hdr.tasks(ledger, arguments.cache)
     if page.PART in parts:
         found, missing = page.tasks(
             min(arguments.frames, page.FRAMES), size or page.TEXELS, arguments.cache

@@ -10,6 +10,7 @@ from . import (
     ablation,
     accuracy,
     export,
+    hdr,
     materials,
     page,
     performance,
@@ -27,6 +28,7 @@ PAGE, README = ROOT / "docs" / "accuracy.md", ROOT / "README.md"
 SPEED, CAMERAS = ROOT / "docs" / "performance.md", ROOT / "docs" / "registration.md"
 RELIT = {"relighting": ROOT / "docs" / "albedo.md", "rendering": ROOT / "docs" / "rendering.md"}
 STABILITY = ROOT / "docs" / "stability.md"
+HDR = ROOT / "docs" / "hdr.md"
 MATERIALS, VIEW = ROOT / "docs" / "materials.md", ROOT / "docs" / "view.md"
 PICTURE = ROOT / "docs" / "images" / "accuracy_time.png"
 EXPORT = ROOT / "docs" / "export.md"
@@ -54,7 +56,7 @@ def write_documents(rows: Mapping[str, Sequence[Row]]) -> None:
     if own := rows.get(export.PART):
         splice(EXPORT, export.PART, "\n\n".join(each.markdown() for each in export.tables(own)))
         export.picture(own, EXPORT_PICTURE)
-    for part, path in ((materials, MATERIALS), (page, VIEW)):
+    for part, path in ((materials, MATERIALS), (page, VIEW), (hdr, HDR)):
         if own := rows.get(part.PART):
             splice(path, part.PART, "\n\n".join(each.markdown() for each in part.tables(own)))
     if own := rows.get(performance.PART):

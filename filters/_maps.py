@@ -11,7 +11,10 @@ from meshlab_svbrdf.geometry.texels import Texels
 from meshlab_svbrdf.rendering.colors import viridis
 from meshlab_svbrdf.samples.luminance import to_srgb8
 
-from ._stages import UNOBSERVED_GREY
+from ._stages import UNOBSERVED_GREY, share
+
+TOO_BRIGHT = 0.001
+"""Of the texels: that so many are clipped in the 8-bit texture is not worth a word."""
 
 
 def set_texture(document: Document, name: str, texels: Texels, colors: np.ndarray) -> None:
@@ -23,8 +26,11 @@ def set_texture(document: Document, name: str, texels: Texels, colors: np.ndarra
     )
 
 
-def set_diffuse_maps(document: Document, texels: Texels, diffuse: np.ndarray) -> None:
-    """diffuse.exr and .png, and valid.png, of D (T, 3) in 0..100; unobserved is grey in the PNG."""
+def set_diffuse_maps(document: Document, texels: Texels, diffuse: np.ndarray) -> list[str]:
+    """diffuse.exr and .png, and valid.png, of D (T, 3) in 0..100; unobserved is grey in the PNG.
+
+    What is to be said of texels brighter than a PNG shows, if any.
+    """
     linear = (diffuse / 100).astype(np.float32)
     observed = np.asarray(np.isfinite(linear).all(axis=1))
     document.set_map("diffuse", texels.to_images(linear))
@@ -34,6 +40,10 @@ def set_diffuse_maps(document: Document, texels: Texels, diffuse: np.ndarray) ->
     set_texture(document, "diffuse", texels, colors)
     valid = np.where(observed, np.uint8(255), np.uint8(0))
     document.set_map("valid", texels.to_images(valid, np.uint8(0)), kind="png")
+    brighter = np.asarray(linear.max(axis=1) > 1)
+    if brighter.sum() <= TOO_BRIGHT * observed.sum():
+        return []
+    return [f"{share(brighter)} of the texels exceed 1: clipped in the PNG, not in the EXR"]
 
 
 def set_scalar_map(
@@ -54,7 +64,7 @@ def set_scalar_map(
         low, high = low - 0.5, high + 0.5
     colors = np.full((len(values), 3), UNOBSERVED_GREY, np.uint8)
     for own in blocks(len(values)):
-        share = (scale[own] - low) / (high - low)
-        colors[own][known[own]] = viridis(share[known[own]])
+        place = (scale[own] - low) / (high - low)
+        colors[own][known[own]] = viridis(place[known[own]])
     set_texture(document, name, texels, colors)
     document.show_map(shown, name)

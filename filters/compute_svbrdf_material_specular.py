@@ -174,7 +174,7 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
     document.set_attribute("final_diffuse", diffuse)
     document.set_attribute("material_rho_s", rho_s)
     document.set_attribute("material_alpha", alpha)
-    set_diffuse_maps(document, texels, diffuse)
+    notes = [*notes, *set_diffuse_maps(document, texels, diffuse)]
     set_scalar_map(document, "rho_s", texels, rho_s, shown="rho_s")
     set_scalar_map(document, "alpha", texels, alpha, shown="shininess", logarithmic=True)
     set_lights(document, lights, document.image("environment").astype(np.float64), ambient)

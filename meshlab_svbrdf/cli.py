@@ -452,6 +452,14 @@ def view(
     commands.view(project, port, browser)
 
 
+@app.command()
+def compile() -> None:
+    """Compile all kernels of a run ahead: what its first time on a machine would take longer."""
+    from . import commands
+
+    commands.compile_kernels()
+
+
 app.command()(bench)
 
 

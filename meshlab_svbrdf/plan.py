@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from . import registry
+from .document.coding import Coding
 from .document.document import Document
 from .document.frames import Frames
 from .document.products import plain
@@ -24,6 +25,7 @@ from .document.space import free_bytes, in_words, memory_bytes_free
 from .document.space import memory_bytes as machine_bytes
 from .errors import DocumentError, SvbrdfError
 from .filter import Namespace
+from .filters._coding import are_plain
 from .filters._frames import choose, frame_sampler, read_reduced, reduction
 from .geometry.mesh import Mesh
 from .geometry.visibility import needs_visibility
@@ -121,7 +123,8 @@ class Plan:
         return (
             f"about {_millions(self.samples)} samples{takes}, {in_words(self.disk)} on disk "
             f"({in_words(self.free)} are free), {in_words(self.memory)} of memory"
-            + f" ({in_words(self.memory_free)} are free)" * (self.memory > self.memory_free)
+            + f" ({in_words(self.memory_free)} are free)"
+            * (self.memory > self.memory_free)
         )
 
     def short(self) -> list[str]:
@@ -211,12 +214,14 @@ def make_plan(document: Document, steps: list[Step], given: Mapping[str, Any]) -
         decode=trial.decode if trial else 0.0, project=trial.project if trial else 0.0,
     )  # fmt: skip
     held = of_samples.memory << 20
+    coding = Coding(of_samples.transfer, of_samples.clip)
+    bits = 8 if not choice.brackets and are_plain(choice.rasters, coding) else 16
     return Plan(
         decisions, steps, used, texels, samples,
         stage_seconds(work, this_machine(), fit.estimator, fit.gloss, there)
         if trial
         else {},
-        round(store_bytes(samples, texels, used, held)), round(result_bytes(work)),
+        round(store_bytes(samples, texels, used, held, bits)), round(result_bytes(work)),
         free_bytes(document.folder), round(memory_bytes(work, held)),
         memory_bytes_free(), machine_bytes(), work.cores,
     )  # fmt: skip

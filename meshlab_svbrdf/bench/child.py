@@ -30,11 +30,10 @@ from ..threads import thread_count
 from .analysis import TEXELS, VISIBILITY
 from .body import body
 from .files import ahead
-from .workload import Options, make_workload
+from .first_run import TINY, TINY_FRAMES, TINY_SIZE, list_kernels
+from .workload import make_workload
 
 Figures = dict[str, Any]
-WARM = Options(triangles=1200, width=320, height=180, step=7.5, truth=16)
-WARM_FRAMES = 48
 SAVE = "save"  # the last stage: the project with its layers
 
 
@@ -147,9 +146,9 @@ def warm_up(estimator: str = "joint") -> Figures:
     folder = Path(tempfile.mkdtemp(prefix="svbrdf-warm-"))
     try:
         with metered() as figures:
-            project = make_workload(folder, WARM_FRAMES, WARM).project
+            project = make_workload(folder, TINY_FRAMES, TINY).project
             document = Document.open(project, folder / "out")
-            small = {"compute_svbrdf_texels.texture_size": "128"}
+            small = {"compute_svbrdf_texels.texture_size": str(TINY_SIZE)}
             for _ in run_script(document, chain(estimator, "full", small)):
                 pass
             document.save()
@@ -220,7 +219,7 @@ def run_registration(project: str, count: int) -> Figures:
 
 TASKS: dict[str, Callable[..., Figures]] = {
     "chain": run_chain, "decode": run_decode, "warm": warm_up, "register": run_registration,
-    "surface": run_surface,
+    "surface": run_surface, "list": list_kernels,
 }  # fmt: skip
 
 

@@ -150,13 +150,16 @@ def memory_bytes(work: Work, held: int) -> float:
     return PROGRAM_BYTES + max(at_texels, growing, MESH_BYTES * work.vertices)
 
 
-def store_bytes(samples: float, texels: float, frames: int, memory: int) -> float:
+def store_bytes(samples: float, texels: float, frames: int, memory: int, bits: int = 8) -> float:
     """The sample store's size on disk.
 
     memory : bytes of samples that are held before a chunk is written
+    bits : of each sample's four values, 8 or 16
     """
-    chunks = max(np.ceil(frames / CHUNK_FRAMES), np.ceil(samples * HELD_BYTES / max(memory, 1)))
-    return SAMPLE_BYTES * samples + OFFSET_BYTES * (texels + 1) * float(chunks)
+    more = (bits - 8) / 2
+    held = samples * (HELD_BYTES + more)
+    chunks = max(np.ceil(frames / CHUNK_FRAMES), np.ceil(held / max(memory, 1)))
+    return (SAMPLE_BYTES + more) * samples + OFFSET_BYTES * (texels + 1) * float(chunks)
 
 
 def yardstick(repeats: int = 5) -> float:

@@ -1,7 +1,8 @@
 """Chunks of the sample store: the samples of some frames, texel-major (CSR).
 
 `offsets` (T+1) uint32, and per sample `frame` uint8 (within the chunk) and `value` 4 × uint8: sRGB
-and the quality (7 bits, the top bit marks clipped). 5 bytes a sample.
+and the quality (7 bits, the top bit marks clipped). 5 bytes a sample. Of frames with more than 8
+bits `value` is 4 × uint16: codes of radiance, and the same quality. 9 bytes a sample.
 """
 
 from __future__ import annotations
@@ -26,8 +27,15 @@ ROWS: dict[str, tuple[type, tuple[int, ...]]] = {
 """The type and shape of a column's rows."""
 TRANSPOSED = 2048
 """Texels that are transposed at once: their samples fit a core's cache."""
-HELD_BYTES = 8
+TEXEL_BYTES = 4
+"""A sample's, before it is transposed, besides its value."""
+HELD_BYTES = TEXEL_BYTES + 4
 """A sample's, before it is transposed: its texel and its value."""
+WORDS: dict[Any, np.dtype[Any]] = {
+    np.dtype(np.uint8): np.dtype(np.uint32),
+    np.dtype(np.uint16): np.dtype(np.uint64),
+}
+"""Four numbers as one, by their type."""
 
 
 class Chunk(Protocol):
@@ -107,13 +115,14 @@ def _layout(path: str, kind: type, row: tuple[int, ...]) -> tuple[int, tuple[int
 
 
 def words_of(value: np.ndarray) -> np.ndarray:
-    """Colour and quality (n, 4) uint8 as one number each, (n,) uint32, which moves faster."""
-    return value.view(np.uint32)[:, 0]
+    """Colour and quality (n, 4) uint8 as one number each, (n,) uint32, which moves faster; of
+    uint16 uint64."""
+    return value.view(WORDS[value.dtype])[:, 0]
 
 
 def bytes_of(words: np.ndarray) -> np.ndarray:
     """Inverse of `words_of`."""
-    return words.view(np.uint8).reshape(-1, 4)
+    return words.view(np.uint8 if words.itemsize == 4 else np.uint16).reshape(-1, 4)
 
 
 class SampledFrame(NamedTuple):
@@ -121,7 +130,7 @@ class SampledFrame(NamedTuple):
 
     texel : (n,) int32, ascending
     value : (n, 4) uint8: sRGB, interpolated in linear light, and the quality · 127 in seven bits;
-        the top bit: any tap was clipped
+        the eighth: any tap was clipped. Or uint16: codes of radiance, and the same quality
     """
 
     texel: np.ndarray
@@ -165,9 +174,10 @@ def _scatter(texel, value, start, stop, cursor, out_frame, out_value):
 class Held:
     """Frames one after the other, until they are transposed."""
 
-    def __init__(self, samples: int) -> None:
-        """samples : of which there is room"""
-        self._texel, self._value = np.empty(samples, np.int32), np.empty(samples, np.uint32)
+    def __init__(self, samples: int, kind: type = np.uint8) -> None:
+        """samples : of which there is room; kind : of their values"""
+        self._texel = np.empty(samples, np.int32)
+        self._value = np.empty(samples, WORDS[np.dtype(kind)])
         self.clear()
 
     def __len__(self) -> int:
@@ -176,7 +186,7 @@ class Held:
 
     @property
     def bytes(self) -> int:
-        return HELD_BYTES * self._ends[-1]
+        return (TEXEL_BYTES + self._value.itemsize) * self._ends[-1]
 
     @property
     def seen(self) -> np.ndarray:

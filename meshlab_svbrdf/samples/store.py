@@ -1,6 +1,7 @@
 """The sample store: frames are projected once, and every texel's history is read in one piece.
 
-A store is chunks of at most 256 frames (samples/chunks.py), 5 bytes a sample. Readers get blocks of
+A store is chunks of at most 256 frames (samples/chunks.py), 5 bytes a sample, or 9 of frames that
+have more than 8 bits. Readers get blocks of
 texels whose samples are the concatenation of a few slices, in the order of the frames.
 
 write_store   project every frame; runs of frames that an earlier store has are taken from it
@@ -25,8 +26,9 @@ from ..spread import Spread
 from ..threads import thread_count
 from .chunks import (
     COLUMNS,
-    HELD_BYTES,
     MOST_FRAMES,
+    TEXEL_BYTES,
+    WORDS,
     Chunk,
     FileChunk,
     Held,
@@ -47,7 +49,7 @@ class Block(NamedTuple):
     """The samples of the texels first..stop, texel by texel, in the frames' order.
 
     offsets : (B+1,) int64 into the samples
-    frame : (n,) int32; value : (n, 4) uint8, sRGB and quality (samples/chunks.py)
+    frame : (n,) int32; value : (n, 4) uint8, sRGB and quality, or uint16 (samples/chunks.py)
     """
 
     first: int
@@ -111,6 +113,7 @@ def write_store(
     names: Sequence[str] | None = None,
     earlier: Sequence[SampleStore] = (),
     memory: int = 128 << 20,
+    bits: int = 8,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> SampleStore:
     """Project every frame and write the store.
@@ -121,15 +124,16 @@ def write_store(
     ----------
     folder : an empty folder; None: the samples stay in memory
     texels, frames : how many there are
-    sample : frame index to (texel ascending int32, rgb uint8, quality uint8); called from threads
+    sample : frame index to its samples, their texels ascending; called from threads
     names : of each frame: the same name, the same samples; None: they have none
     earlier : stores whose chunks are linked where the names of all their frames come in a row
     memory : bytes of samples to hold before a chunk is written
+    bits : of the samples' values, 8 or 16
     """
     names = list(names) if names is not None else [""] * frames
     if len(names) != frames:
         raise ValueError(f"names: expected one for each of the {frames} frames")
-    store = SampleStore(texels, [], names=[], seen=[], quality=[])
+    store = SampleStore(texels, [], names=[], seen=[], quality=[], bits=bits)
     numbers = count()
 
     def keep(chunk: Chunk) -> Chunk:
@@ -139,11 +143,11 @@ def write_store(
 
         def project(first: int, stop: int) -> Iterator[Found]:
             return _project(
-                pool, sample, first, stop, texels, memory, keep,
+                pool, sample, first, stop, texels, memory, store.kind, keep,
                 lambda done: progress(done, frames),
             )  # fmt: skip
 
-        for first, stop, taken in runs_known(names, texels, earlier):
+        for first, stop, taken in runs_known(names, texels, bits, earlier):
             for chunk, seen, quality in (
                 [(keep(taken[0]), *taken[1:])] if taken else project(first, stop)
             ):
@@ -159,7 +163,7 @@ def write_store(
 
 
 def runs_known(
-    names: Sequence[str], texels: int, earlier: Sequence[SampleStore]
+    names: Sequence[str], texels: int, bits: int, earlier: Sequence[SampleStore]
 ) -> Iterator[tuple[int, int, Found | None]]:
     """Runs first..stop of the frames of these names: a chunk of an earlier store that has them, or
     None where none has."""
@@ -170,7 +174,7 @@ def runs_known(
             store.quality[first : first + chunk.frames],
         )
         for store in earlier
-        if store.texels == texels
+        if (store.texels, store.bits) == (texels, bits)
         for first, chunk in store.placed()
         if all(store.names[first : first + chunk.frames])
     }
@@ -194,11 +198,13 @@ def runs_known(
 
 def _project(
     pool: ThreadPoolExecutor, sample: Callable[[int], SampledFrame], first: int, stop: int,
-    texels: int, memory: int, keep: Callable[[Chunk], Chunk], done: Callable[[int], None],
+    texels: int, memory: int, kind: type, keep: Callable[[Chunk], Chunk],
+    done: Callable[[int], None],
 ) -> Iterator[Found]:  # fmt: skip
     """Chunks of the frames first..stop, kept; the next one is filled meanwhile."""
-    room = texels + min(memory // HELD_BYTES, texels * min(stop - first, MOST_FRAMES))
-    held, spare = Held(room), Held(room)
+    each = TEXEL_BYTES + WORDS[np.dtype(kind)].itemsize
+    room = texels + min(memory // each, texels * min(stop - first, MOST_FRAMES))
+    held, spare = Held(room, kind), Held(room, kind)
     written: Future[Found] | None = None
 
     def finish(full: Held) -> Found:
@@ -244,6 +250,7 @@ class SampleStore:
     texels, frames : how many there are; seen : (F,) int64, samples of each frame
     quality : (F,) float64, the mean of a frame's samples
     names : what each frame's samples were made from, "" where that is not known
+    bits : of the samples' values, 8 or 16; kind : their type
     spread : where `rows` has its work done; None: on this process's threads
     """
 
@@ -255,12 +262,15 @@ class SampleStore:
         names: Sequence[str],
         seen: Sequence[int],
         quality: Sequence[float],
+        bits: int = 8,
     ) -> None:
         self.texels = texels
         self.chunks = list(chunks)
         self.names = list(names)
         self.seen = np.array(seen, np.int64)
         self.quality = np.array(quality, np.float64)
+        self.bits = bits
+        self.kind: type = np.uint8 if bits == 8 else np.uint16
         self.spread: Spread | None = None
         self._counts: np.ndarray | None = None
 
@@ -274,8 +284,9 @@ class SampleStore:
         told = json.loads((folder / DESCRIPTION).read_text())
         chunks = [FileChunk(folder, k, size) for k, size in enumerate(told["chunks"])]
         return cls(
-            told["texels"], chunks, names=told["names"], seen=told["seen"], quality=told["quality"]
-        )
+            told["texels"], chunks, names=told["names"], seen=told["seen"],
+            quality=told["quality"], bits=told.get("bits", 8),
+        )  # fmt: skip
 
     @property
     def frames(self) -> int:
@@ -295,6 +306,7 @@ class SampleStore:
         told = {
             "texels": self.texels, "chunks": [chunk.frames for chunk in self.chunks],
             "names": self.names, "seen": self.seen.tolist(), "quality": self.quality.tolist(),
+            "bits": self.bits,
         }  # fmt: skip
         temporary = folder / f".{DESCRIPTION}.part"
         temporary.write_text(json.dumps(told))
@@ -331,12 +343,14 @@ class SampleStore:
         sizes = spans[:, -1].astype(np.int64) - spans[:, 0]
         base = np.concatenate([[0], np.cumsum(sizes)])
         total = int(base[-1])
-        frames, values = np.empty(total + STEP, np.uint8), np.empty((total + STEP, 4), np.uint8)
+        frames = np.empty(total + STEP, np.uint8)
+        values: np.ndarray = np.empty((total + STEP, 4), self.kind)
         for chunk, low, (a, b) in zip(self.chunks, spans[:, 0], pairwise(base), strict=True):
             for name, rows in zip(COLUMNS, (frames, values), strict=True):
                 chunk.read(name, int(low), rows[a:b])
         offsets = np.zeros(stop - first + 1, np.int64)
-        frame, value = np.empty(total + STEP, np.int32), np.empty(total + STEP, np.uint32)
+        frame = np.empty(total + STEP, np.int32)
+        value = np.empty(total + STEP, WORDS[np.dtype(self.kind)])
         starts = np.array([first_frame for first_frame, _ in self.placed()], np.int32)
         _merge(spans, base, starts, frames, words_of(values), offsets, frame, value)
         return Block(first, stop, offsets, frame[:total], bytes_of(value[:total]))
@@ -404,7 +418,7 @@ class SampleStore:
             low[c], high[c] = offsets[texels], offsets[texels + 1]
         offsets = np.concatenate([[0], np.cumsum((high - low).sum(0))])
         frame = np.empty(offsets[-1], np.int32)
-        value = np.empty(offsets[-1], np.uint32)
+        value = np.empty(offsets[-1], WORDS[np.dtype(self.kind)])
         cursor = offsets[:-1].copy()
         for c, (first_frame, chunk) in enumerate(self.placed()):
             frames, values = (chunk.mapped(name) for name in COLUMNS)
