@@ -25,7 +25,7 @@ from meshlab_svbrdf.filters._lights import read_lights
 from meshlab_svbrdf.filters.generate_svbrdf_rendering import read_appearance
 from meshlab_svbrdf.geometry.camera import Camera
 from meshlab_svbrdf.rendering.acquisition import AcquisitionRenderer
-from meshlab_svbrdf.samples.luminance import encode, luminance
+from meshlab_svbrdf.samples.luminance import decode, encode, luminance
 from sample_projects.make_totem import Options, make_scene
 from sample_projects.procedural.capture import developed, picture
 from sample_projects.procedural.light import Material
@@ -77,8 +77,12 @@ class Recording:
 
     @property
     def settings(self) -> dict[str, str]:
-        middle = sorted(self.exposures)[(len(self.exposures) - 1) // 2]
-        given = {"transfer": self.transfer, "white": str(middle), "gains": "none"}
+        white = sorted(self.exposures)[(len(self.exposures) - 1) // 2]
+        if self.curve:  # what is measured has no scale but that code 128 is sRGB's
+            light = np.linspace(0, 1, 100_001)
+            white *= float(decode(np.array(128 / 255)))
+            white /= float(np.interp(128 / 255, _own_curve(light), light))
+        given = {"transfer": self.transfer, "white": str(white), "gains": "none"}
         return {f"compute_svbrdf_samples.{name}": value for name, value in given.items()}
 
 

@@ -13,7 +13,7 @@ from meshlab_svbrdf.document.project import RasterEntry
 from meshlab_svbrdf.errors import SvbrdfError
 from meshlab_svbrdf.filter import Namespace
 from meshlab_svbrdf.geometry.mesh import Mesh
-from meshlab_svbrdf.samples.level import brightest_diffuse, white_of
+from meshlab_svbrdf.samples.level import FLAT, brightest_diffuse, plateau, white_of
 from meshlab_svbrdf.samples.store import SampleStore
 from meshlab_svbrdf.samples.transfer import AUTO, ESTIMATE, SRGB
 
@@ -60,15 +60,24 @@ def are_plain(rasters: list[RasterEntry], coding: Coding) -> bool:
 
 def with_white(
     deep: Deep | None, store: SampleStore, exposure: np.ndarray, white: float
-) -> tuple[Deep | None, float]:
-    """The same with the light that results call 1: as asked for, else by the samples; and that."""
+) -> tuple[Deep | None, float, list[str]]:
+    """The same with the light that results call 1, as asked for or else by the samples; that light;
+    and what is to be said of the frames' levels."""
+    white = white or (1.0 if deep is None else _white(store, exposure))
+    said = [f"results call a light of {white:g} 1 (white)"] if white != 1 else []
     if deep is None:
-        return None, white or 1.0
-    if not white:
-        level = brightest_diffuse(store, exposure)
-        if level == 0:
-            raise SvbrdfError(
-                "the frames show the object black: is transfer= what they were filmed by?"
-            )
-        white = white_of(level)
-    return replace(deep, coding=replace(deep.coding, white=white)), white
+        return None, white, said
+    share, top = plateau(store)
+    if share > FLAT:
+        said.append(
+            f"{share:.1%} of the samples are as bright as the brightest, {top:g}, and not marked "
+            f"as clipped: if the frames end there, say clip={top:g}"
+        )
+    return replace(deep, coding=replace(deep.coding, white=white)), white, said
+
+
+def _white(store: SampleStore, exposure: np.ndarray) -> float:
+    level = brightest_diffuse(store, exposure)
+    if level == 0:
+        raise SvbrdfError("the frames show the object black: look at them, and at transfer=")
+    return white_of(level)

@@ -167,7 +167,7 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
     # Bring the frames to one exposure
     exposure, source = _exposures(rasters, parameters.exposure)
     progress(0.92, "comparing the frames' brightness")
-    deep, white = with_white(deep, store, exposure, parameters.white)
+    deep, white, levels = with_white(deep, store, exposure, parameters.white)
     observations = observe(texels, store, cameras, mesh.faces, gains=white * exposure)
     fitted, residual = frame_gains(observations)
     spread = gain_spread(fitted)
@@ -216,7 +216,7 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
     ]
     said += [f"frames reduced to 1/{reduce}: texels are coarser"] if reduce > 1 else []
     said += [coded] if coded else []
-    said += [f"results call a light of {white:g} 1 (white)"] if white != 1 else []
+    said += levels
     said += [f"exposure: {source}"] if source != "none" else []
     if spread > VARYING:
         said.append(

@@ -12,7 +12,6 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-import tifffile
 
 from ..errors import DocumentError
 from ..samples.luminance import to_srgb8
@@ -35,13 +34,20 @@ def kind_of(path: Path) -> str:
             return "float"
         if head.startswith(PNG):
             return "16" if head[24:25] == b"\x10" else "8"
-        if head.startswith(TIFF):
-            with tifffile.TiffFile(path) as file:
-                kind = file.pages.first.dtype
-            return "8" if kind is None or kind.itemsize == 1 else "16" if kind == "u2" else "float"
-    except (OSError, tifffile.TiffFileError):
-        pass
-    return "8"
+        return _kind_of_tiff(path) if head.startswith(TIFF) else "8"
+    except OSError:
+        return "8"
+
+
+def _kind_of_tiff(path: Path) -> str:
+    from tifffile import TiffFile, TiffFileError  # few frames are TIFF
+
+    try:
+        with TiffFile(path) as file:
+            kind = file.pages.first.dtype
+    except TiffFileError:
+        return "8"
+    return "8" if kind is None or kind.itemsize == 1 else "16" if kind == "u2" else "float"
 
 
 def is_exr(path: Path) -> bool:

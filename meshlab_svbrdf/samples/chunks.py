@@ -24,7 +24,9 @@ COLUMNS = ("frame", "value")
 ROWS: dict[str, tuple[type, tuple[int, ...]]] = {
     "offsets": (np.uint32, ()), "frame": (np.uint8, ()), "value": (np.uint8, (4,)),
 }  # fmt: skip
-"""The type and shape of a column's rows."""
+"""The type and shape of a column's rows, of values as of 8 bits."""
+KINDS: dict[int, type] = {8: np.uint8, 16: np.uint16}
+"""Types of values, by their bits."""
 TRANSPOSED = 2048
 """Texels that are transposed at once: their samples fit a core's cache."""
 TEXEL_BYTES = 4
@@ -68,16 +70,20 @@ class MemoryChunk:
     def save(self, folder: Path, index: int) -> FileChunk:
         for name, column in self._columns.items():
             np.save(_path(folder, index, name), column)
-        return FileChunk(folder, index, self.frames)
+        return FileChunk(folder, index, self.frames, self._columns["value"].dtype.type)
 
 
 class FileChunk:
     """A chunk in files, neither mapped nor kept open: many frames make many files."""
 
-    def __init__(self, folder: Path, index: int, frames: int) -> None:
+    def __init__(self, folder: Path, index: int, frames: int, kind: type = np.uint8) -> None:
+        """kind : of the values"""
         self.frames = frames
+        self._rows = ROWS | {"value": (kind, (4,))}
         self._paths = {name: _path(folder, index, name) for name in ROWS}
-        self._layout = {name: _layout(path, *ROWS[name]) for name, path in self._paths.items()}
+        self._layout = {
+            name: _layout(path, *self._rows[name]) for name, path in self._paths.items()
+        }
 
     def read(self, name: str, first: int, rows: np.ndarray[Any, Any]) -> None:
         with open(self._paths[name], "rb", buffering=0) as file:
@@ -90,7 +96,7 @@ class FileChunk:
 
     def mapped(self, name: str) -> np.ndarray[Any, Any]:
         start, shape = self._layout[name]
-        return np.asarray(np.memmap(self._paths[name], ROWS[name][0], "r", start, shape))
+        return np.asarray(np.memmap(self._paths[name], self._rows[name][0], "r", start, shape))
 
     def save(self, folder: Path, index: int) -> FileChunk:
         """Shared with the other folder where the disk can: chunks are never written into."""
@@ -99,7 +105,7 @@ class FileChunk:
                 os.link(path, _path(folder, index, name))
             except OSError:
                 shutil.copyfile(path, _path(folder, index, name))
-        return FileChunk(folder, index, self.frames)
+        return FileChunk(folder, index, self.frames, self._rows["value"][0])
 
 
 def _path(folder: Path, index: int, name: str) -> str:

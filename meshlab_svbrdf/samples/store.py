@@ -26,6 +26,7 @@ from ..spread import Spread
 from ..threads import thread_count
 from .chunks import (
     COLUMNS,
+    KINDS,
     MOST_FRAMES,
     TEXEL_BYTES,
     WORDS,
@@ -270,7 +271,7 @@ class SampleStore:
         self.seen = np.array(seen, np.int64)
         self.quality = np.array(quality, np.float64)
         self.bits = bits
-        self.kind: type = np.uint8 if bits == 8 else np.uint16
+        self.kind = KINDS[bits]
         self.spread: Spread | None = None
         self._counts: np.ndarray | None = None
 
@@ -282,10 +283,11 @@ class SampleStore:
     def open(cls, folder: Path) -> SampleStore:
         """What `write_store` left in a folder."""
         told = json.loads((folder / DESCRIPTION).read_text())
-        chunks = [FileChunk(folder, k, size) for k, size in enumerate(told["chunks"])]
+        bits = told.get("bits", 8)
+        chunks = [FileChunk(folder, k, size, KINDS[bits]) for k, size in enumerate(told["chunks"])]
         return cls(
             told["texels"], chunks, names=told["names"], seen=told["seen"],
-            quality=told["quality"], bits=told.get("bits", 8),
+            quality=told["quality"], bits=bits,
         )  # fmt: skip
 
     @property

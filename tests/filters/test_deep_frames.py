@@ -135,6 +135,17 @@ def test_light_beyond_white_is_kept_and_the_unit_told(source, tmp_path):
     assert (samples_of(document, clip=200.0)[1] & 128).any()
 
 
+def test_floats_that_look_clipped_are_told(source, tmp_path):
+    def write(path: Path, light: np.ndarray) -> None:
+        write_exr(path, np.minimum(light, np.float32(0.25)))
+
+    document = recorded(source, tmp_path / "flat", ".exr", write)
+    assert "if the frames end there, say clip=0.25" in samples_of(document)[2]
+    _, marks, said = samples_of(document, clip=0.25)
+    assert (marks & 128).any()
+    assert "clip=" not in said
+
+
 def test_brackets_are_merged_to_their_views(plain, source, tmp_path):
     """Three exposures of 8 bits show what the middle one clips."""
 

@@ -11,12 +11,13 @@ from meshlab_svbrdf.samples.chunks import SampledFrame
 from meshlab_svbrdf.samples.store import SampleStore, write_store
 
 
-def random_frames(texels, frames, share, seed=0):
+def random_frames(texels, frames, share, seed=0, bits=8):
     rng = np.random.default_rng(seed)
+    kind = np.uint8 if bits == 8 else np.uint16
     out = []
     for _ in range(frames):
         texel = np.flatnonzero(rng.random(texels) < share).astype(np.int32)
-        out.append(SampledFrame(texel, rng.integers(0, 256, (len(texel), 4), np.uint8)))
+        out.append(SampledFrame(texel, rng.integers(0, 1 << bits, (len(texel), 4), kind)))
     return out
 
 
@@ -44,11 +45,16 @@ def write(folder, texels, frames, **kw):
 @settings(max_examples=15)
 @given(
     texels=st.integers(1, 20), frames=st.integers(0, 12), share=st.floats(0, 1),
-    seed=st.integers(0, 99), memory=st.sampled_from([0, 100, 1 << 20]), data=st.data(),
+    seed=st.integers(0, 99), memory=st.sampled_from([0, 100, 1 << 20]),
+    bits=st.sampled_from([8, 16]), data=st.data(),
 )  # fmt: skip
-def test_transposition_is_brute_forces(tmp_path_factory, texels, frames, share, seed, memory, data):
-    history = random_frames(texels, frames, share, seed)
-    store = write(tmp_path_factory.mktemp("store"), texels, history, memory=memory)
+def test_transposition_is_brute_forces(
+    tmp_path_factory, texels, frames, share, seed, memory, bits, data
+):
+    history = random_frames(texels, frames, share, seed, bits)
+    folder = tmp_path_factory.mktemp("store")
+    store = write(folder, texels, history, memory=memory, bits=bits)
+    store = data.draw(st.sampled_from([store, SampleStore.open(folder)]))
     first = data.draw(st.integers(0, texels - 1))
     stop = data.draw(st.integers(first, texels))
     block = store.read(first, stop)
@@ -61,13 +67,14 @@ def test_transposition_is_brute_forces(tmp_path_factory, texels, frames, share, 
 @settings(max_examples=15)
 @given(
     texels=st.integers(1, 20), frames=st.integers(0, 12), share=st.floats(0, 1),
-    memory=st.sampled_from([0, 100, 1 << 20]), samples=st.integers(1, 40), data=st.data(),
+    memory=st.sampled_from([0, 100, 1 << 20]), bits=st.sampled_from([8, 16]),
+    samples=st.integers(1, 40), data=st.data(),
 )  # fmt: skip
 def test_some_texels_are_read_as_they_are_among_all(
-    tmp_path_factory, texels, frames, share, memory, samples, data
+    tmp_path_factory, texels, frames, share, memory, bits, samples, data
 ):
-    history = random_frames(texels, frames, share)
-    store = write(tmp_path_factory.mktemp("store"), texels, history, memory=memory)
+    history = random_frames(texels, frames, share, bits=bits)
+    store = write(tmp_path_factory.mktemp("store"), texels, history, memory=memory, bits=bits)
     some = np.array(sorted(data.draw(st.sets(st.integers(0, texels - 1)))), np.int64)
     block = store.read_texels(some)
     assert (block.first, block.stop) == (0, len(some))
