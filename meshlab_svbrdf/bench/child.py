@@ -38,13 +38,15 @@ SAVE = "save"  # the last stage: the project with its layers
 
 
 def run_chain(
-    project: str, output: str, estimator: str, preset: str, settings: dict[str, str]
-) -> Figures:
+    project: str, output: str, estimator: str, preset: str, settings: dict[str, str],
+    warm: bool = True,
+) -> Figures:  # fmt: skip
     """Run the chain with warm kernels; decode the frames before it and after it.
 
+    warm : False: each kernel is loaded by the stage that uses it, within its time
     compiled : kernels that were compiled all the same
     """
-    warm = warm_up(estimator)["seconds"]
+    warmed = warm_up(estimator)["seconds"] if warm else 0.0
     document = Document.open(project, output)
     decode = [decode_frames(document)]
     peak_before = peak_memory()
@@ -59,7 +61,7 @@ def run_chain(
         "preset": preset,
         "estimator": estimator,
         "threads": thread_count(),
-        "warm_seconds": warm,
+        "warm_seconds": warmed,
         "compiled": sum(event.is_start for _, event in recorder.buffer),
         "peak_before": peak_before,
         "peak": max(stage["peak"] for stage in stages),

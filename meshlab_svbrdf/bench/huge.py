@@ -15,6 +15,7 @@ Figures = dict[str, Any]
 TEXELS = 16384**2
 TRIANGLES = 10_000_000
 SIZE = "compute_svbrdf_texels.texture_size"
+SURFACES = 100_000, 400_000  # triangles
 FACES_SIZE = 256  # of the texture where triangles are counted
 DIRECTIONS = 64  # rays a vertex there: their time is a line, their memory the same
 
@@ -23,8 +24,10 @@ def huge(
     frames: int, texture_size: int, options: Options, folder: Path | None,
     estimator: str = "joint", preset: str = "full", say: Callable[[str], None] = lambda line: None,
 ) -> Figures:  # fmt: skip
-    """Runs at the texture size and at half of it, of surfaces of the options' triangles and a
-    quarter of them, and what follows for `TEXELS` and `TRIANGLES`.
+    """Runs at the texture size and at half of it, surfaces of so many triangles, and what follows
+    for `TEXELS` and `TRIANGLES`.
+
+    Kernels are loaded in both runs of a line alike: its slope does not hold that.
 
     texels : `growth` per stage of the whole chain, and the two runs
     triangles : of the stages that need the mesh alone
@@ -38,11 +41,11 @@ def huge(
             say(f"{frames} frames, {size}×{size}")
             runs.append(measure(
                 "chain", project=str(workload.first(frames)), output=str(place / "run"),
-                estimator=estimator, preset=preset, settings={SIZE: str(size)},
+                estimator=estimator, preset=preset, settings={SIZE: str(size)}, warm=False,
             ))  # fmt: skip
             shutil.rmtree(place / "run")
         surfaces = []
-        for count in (options.triangles // 4, options.triangles):
+        for count in SURFACES:
             say(f"a surface of {count:,} triangles")
             surfaces.append(measure(
                 "surface", folder=str(place), triangles=count, size=FACES_SIZE,

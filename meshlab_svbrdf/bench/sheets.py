@@ -213,6 +213,7 @@ def _growth(found: Figures) -> Sheet:
          f"CPU s a further million {found['size']}", "CPU h then"],
         [*cells, whole],
         (
+            "Loading the kernels counts in CPU s, not in what a further million takes.",
             f"Results on disk: {found['disk'] / MIB:.0f} MiB, {found['by_disk']:.0f} bytes a "
             f"further {one}, {found['aim_disk'] / GIB:.0f} GiB then.",
         ),
