@@ -61,7 +61,7 @@ def set_labels(document: Document, texels: Texels, labels: np.ndarray) -> str:
     count = int(labels.max(initial=-1)) + 1
     kind, none = (np.uint8, 255) if count <= 255 else (np.uint16, 65535)
     ids = np.where(labels >= 0, labels, none).astype(kind)
-    document.set_map("material", texels.to_images(ids, none), kind="png")
+    document.set_map("material", texels.images(ids, none), kind="png")
 
     # Show the clusters in distinct colours
     used = np.unique(labels[labels >= 0])

@@ -16,7 +16,7 @@ from __future__ import annotations
 import copy
 import re
 import secrets
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, fields
 from pathlib import Path
@@ -169,7 +169,7 @@ class Products:
         return [self.folder / self._map_entry(name, index, kind) for index in range(count)]
 
     def set_map(
-        self, name: str, images: np.ndarray | list[np.ndarray], *, kind: ImageKind = "exr"
+        self, name: str, images: np.ndarray | Iterable[np.ndarray], *, kind: ImageKind = "exr"
     ) -> None:
         """Stage a map: float32 for "exr", uint8 or uint16 for "png"; one image per texture."""
         for index, image in enumerate([images] if isinstance(images, np.ndarray) else images):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -52,11 +53,15 @@ class Texels:
 
     def to_images(self, values: np.ndarray, fill=np.nan) -> list[np.ndarray]:
         """Per-texel values (T,) or (T, C) as one image per texture, `fill` outside the charts."""
-        images = [np.full((*size, *values.shape[1:]), fill, values.dtype) for size in self.sizes]
-        for index, image in enumerate(images):
-            here = self.texture == index
+        return list(self.images(values, fill))
+
+    def images(self, values: np.ndarray, fill=np.nan) -> Iterator[np.ndarray]:
+        """The same, one image after the other."""
+        for index, size in enumerate(self.sizes):
+            image = np.full((*size, *values.shape[1:]), fill, values.dtype)
+            here = np.flatnonzero(self.texture == index) if len(self.sizes) > 1 else slice(None)
             image[self.row[here], self.col[here]] = values[here]
-        return images
+            yield image
 
 
 @kernel
