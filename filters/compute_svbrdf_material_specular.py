@@ -171,7 +171,7 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
 
     # Write maps, materials and lights; the maps hold what is seen, as under compact lamps
     seen = np.array([as_seen(m.rho_s, m.alpha, lights) for m in materials] + [(np.nan, np.nan)])
-    rho_s, alpha = seen[dense].astype(np.float32).T / [[100], [1]]
+    rho_s, alpha = ((seen / [100, 1]).astype(np.float32)[:, k][dense] for k in (0, 1))
     document.set_attribute("final_diffuse", diffuse)
     document.set_attribute("material_rho_s", rho_s)
     document.set_attribute("material_alpha", alpha)

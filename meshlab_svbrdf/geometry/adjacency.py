@@ -84,14 +84,17 @@ def thin(position: np.ndarray, normal: np.ndarray, count: int) -> np.ndarray:
     """
     if len(position) <= count:
         return np.arange(len(position))
-    octant = (normal > 0) @ np.array([1, 2, 4])
+    low, high = position.min(0), position.max(0)
+    key = np.empty(len(position), np.int64)
 
     # Occupied cells go with the inverse square of their size
     cell = spacing(position) * np.sqrt(len(position) / count)
     for _ in range(4):
-        grid = np.floor((position - position.min(0)) / cell).astype(np.int64)
-        extent = grid.max(0) + 1
-        key = ((grid[:, 0] * extent[1] + grid[:, 1]) * extent[2] + grid[:, 2]) * 8 + octant
+        extent = np.floor((high - low) / cell).astype(np.int64) + 1
+        for own in blocks(len(position)):
+            grid = np.floor((position[own] - low) / cell).astype(np.int64)
+            octant = (normal[own] > 0) @ np.array([1, 2, 4])
+            key[own] = ((grid[:, 0] * extent[1] + grid[:, 1]) * extent[2] + grid[:, 2]) * 8 + octant
         chosen = np.unique(key, return_index=True)[1]
         cell *= np.sqrt(len(chosen) / count)
     return np.sort(chosen)
