@@ -8,5 +8,10 @@ from numba import njit
 
 def kernel(function: Any = None, /, **options: Any) -> Any:
     """Decorates a kernel, with further options of numba's or without."""
-    own = {"cache": True, "nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
+    own: dict[str, Any] = {
+        "cache": True,
+        "nogil": True,
+        "error_model": "numpy",
+        "no_cfunc_wrapper": True,
+    }
     return njit(function, **own, **options)

@@ -26,7 +26,7 @@ FRAMES = 9
 
 @pytest.fixture(autouse=True)
 def one_process(monkeypatch):
-    """Commands start no second process that compiles: the tests' own processes share what they do."""
+    """Commands start no second process that compiles: the tests' processes share what they do."""
     monkeypatch.setattr(kernels, "compiled", lambda: True)
 
 

@@ -16,6 +16,7 @@ import tempfile
 import time
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 from numba.core.dispatcher import Dispatcher
 
@@ -61,10 +62,12 @@ def list_kernels(project: str, output: str) -> dict[str, Any]:
 
     from ..cli import app
 
-    found, asked, compile_it = [], [], Dispatcher.compile
+    found: list[Any] = []
+    asked: list[Any] = []
+    compile_it = Dispatcher.compile
 
     def note(kernel: Any, arguments: Any) -> Any:
-        if not asked:  # by another kernel
+        if not asked:  # else it is for that kernel
             found.append(to_json(kernel, arguments))
         asked.append(kernel)
         try:
@@ -72,9 +75,9 @@ def list_kernels(project: str, output: str) -> dict[str, Any]:
         finally:
             asked.pop()
 
-    Dispatcher.compile = note
     words = ["run", *_options(Path(project), Path(output), "joint")]
-    CliRunner().invoke(app, words, catch_exceptions=False)
+    with patch.object(Dispatcher, "compile", note):
+        CliRunner().invoke(app, words, catch_exceptions=False)
     return {"kernels": found}
 
 
