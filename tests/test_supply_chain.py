@@ -61,10 +61,13 @@ def test_every_dependency_has_a_lower_bound_and_none_an_upper_one():
         assert re.fullmatch(r"[A-Za-z0-9-]+>=[0-9.]+(post[0-9]+)?", line), line
 
 
-def test_only_batches_and_benchmarks_start_processes():
+def test_only_batches_benchmarks_and_the_compiling_start_processes():
     starting = {
         path.relative_to(ROOT).as_posix()
         for path in FILES
         if re.search(r"^\s*(import|from) (subprocess|multiprocessing)", path.read_text(), re.M)
     }
-    assert starting == {"meshlab_svbrdf/batch.py", "meshlab_svbrdf/bench/machine.py"}
+    assert starting == {
+        f"meshlab_svbrdf/{name}.py"
+        for name in ("batch", "bench/machine", "bench/first_run", "kernels")
+    }

@@ -10,6 +10,7 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
+from ..blocks import blocks
 from ..jit import kernel
 from .nearest import nearest, tree_of
 
