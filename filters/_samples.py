@@ -157,7 +157,11 @@ class Projecting:
 def _elsewhere(
     spread: Spread, work: Projecting, earlier: list[SampleStore], progress
 ) -> list[SampleStore]:  # fmt: skip
-    """Stores, made by workers, of the frames that no earlier store has."""
+    """Stores, made by workers, of the frames that no earlier store has.
+
+    Where it is interrupted, `folder` is kept for the next run as one that holds a store.
+    """
+    SampleStore(len(work.sampler.texels), [], names=[], seen=[], quality=[]).describe(work.folder)
     lacking = [
         (first, stop)
         for first, stop, found in runs_known(

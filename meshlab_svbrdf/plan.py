@@ -19,8 +19,10 @@ from . import registry
 from .document.coding import Coding
 from .document.document import Document
 from .document.frames import Frames
+from .document.products import plain
 from .document.project import RasterEntry
-from .document.space import free_bytes, in_words
+from .document.space import free_bytes, in_words, memory_bytes_free
+from .document.space import memory_bytes as machine_bytes
 from .errors import DocumentError, SvbrdfError
 from .filter import Namespace
 from .filters._coding import are_plain
@@ -54,7 +56,11 @@ TEXELS, VISIBILITY = "compute_svbrdf_texels", "compute_svbrdf_visibility"
 ENVIRONMENT = "generate_svbrdf_environment_map"
 PEAKS = "compute_svbrdf_texel_specular.peaks"
 GLOSS = "compute_svbrdf_material_specular.gloss"
+LEAST = "compute_svbrdf_luminance_threshold.minimum_samples"
 COMPARED = "compute_svbrdf_materials.gloss"
+FEW, FEWEST = 16, 4
+"""Samples of a texel, on average, below which parts of the surface would not have the 8 that are
+asked for; what is asked for then (docs/sequences.md)."""
 TRIED_FRAMES, TRIED_TEXELS, TIMED_TEXELS = 24, 4000, 65536
 
 
@@ -89,7 +95,8 @@ class Plan:
     """decisions, and the steps of the chain with what they set
     frames, texels, samples : how many there will be, the last two estimated
     seconds : by filter, estimated for an idle machine; {} where no frame could be tried
-    store, results : bytes on disk; free : bytes there; memory : bytes at the peak
+    store, results : bytes on disk; free : bytes there; memory : bytes at the peak; memory_free,
+        memory_there : bytes that are free, and all of this machine's; infinite if not known
     cores : that work at a time
     """
 
@@ -103,6 +110,8 @@ class Plan:
     results: int
     free: int
     memory: int
+    memory_free: float
+    memory_there: float
     cores: int
 
     @property
@@ -118,6 +127,8 @@ class Plan:
         return (
             f"about {_millions(self.samples)} samples{takes}, {in_words(self.disk)} on disk "
             f"({in_words(self.free)} are free), {in_words(self.memory)} of memory"
+            + f" ({in_words(self.memory_free)} are free)"
+            * (self.memory > self.memory_free)
         )
 
     def short(self) -> list[str]:
@@ -136,18 +147,25 @@ class Plan:
         return found
 
     def to_json(self) -> dict[str, Any]:
-        """For other programs: sizes in bytes, times in seconds."""
+        """For other programs: sizes in bytes, times in seconds, null where not known."""
         told = {k: v for k, v in vars(self).items() if k not in ("decisions", "steps")}
-        return {"decisions": [asdict(d) for d in self.decisions]} | told
+        return plain({"decisions": [asdict(d) for d in self.decisions]} | told)
 
     def check_space(self) -> None:
-        """Raises SvbrdfError where the disk cannot hold the results."""
+        """Raises SvbrdfError where the disk cannot hold the results, or the memory the run."""
         if self.disk > self.free:
             raise SvbrdfError(
                 f"the results need about {in_words(self.disk)} on disk, and "
                 f"{in_words(self.free)} are free: use fewer frames "
                 f"(--set {SAMPLES}.frames=120), a smaller texture (--texture-size), or another "
                 "place (-o)"
+            )
+        if self.memory > self.memory_there:
+            raise SvbrdfError(
+                f"the run needs about {in_words(self.memory)} of memory for "
+                f"{_millions(self.texels)} texels, and this machine has "
+                f"{in_words(self.memory_there)}: use a smaller texture (--texture-size), a simpler "
+                "mesh, or another machine"
             )
 
 
@@ -183,6 +201,8 @@ def make_plan(document: Document, steps: list[Step], given: Mapping[str, Any]) -
         _highlights(trial, given),
         _reduction(reduce, found.pixels_per_texel(side), given),
     ]
+    if trial and trial.share * used < FEW:
+        decisions.append(_few(trial.share * used, given))
     there = {step.name for step in steps}
     for decision in decisions:
         for name, value in decision.sets.items():
@@ -208,7 +228,8 @@ def make_plan(document: Document, steps: list[Step], given: Mapping[str, Any]) -
         if trial
         else {},
         round(store_bytes(samples, texels, used, held, bits)), round(result_bytes(work)),
-        free_bytes(document.folder), round(memory_bytes(work, held)), work.cores,
+        free_bytes(document.folder), round(memory_bytes(work, held)),
+        memory_bytes_free(), machine_bytes(), work.cores,
     )  # fmt: skip
 
 
@@ -254,6 +275,16 @@ def _frames(used: int, there: int, said: str, given: Mapping[str, Any]) -> Decis
         ) + "; more would hardly change the result"
     return Decision(
         "frames", f"{used} of {there}", reason, given=any(name in given for name in names)
+    )
+
+
+def _few(samples: float, given: Mapping[str, Any]) -> Decision:
+    """How many samples a texel must have, where it has few."""
+    asked = LEAST in given
+    least = int(given[LEAST]) if asked else FEWEST
+    reason = f"a texel is seen by about {samples:.0f} frames; gloss is surer with {FEW} or more"
+    return Decision(
+        "threshold", f"from {least} samples on", reason, {} if asked else {LEAST: str(least)}, asked
     )
 
 

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from totems import SAMPLES, TEXELS, WALK, edited, film
+from totems import SAMPLES, TEXELS, THRESHOLD, WALK, edited, film
 from typer.testing import CliRunner
 
 from meshlab_svbrdf import cli, plan
@@ -66,6 +66,21 @@ def test_what_the_user_sets_stays(walk, tmp_path):
     assert of(made, SAMPLES)["frames"] == "7"
     assert made.frames == 7
     assert decided(made, "frames").given
+
+
+def test_few_photographs_are_content_with_few_samples(walk, tmp_path):
+    made = planned(walk, tmp_path, samples__frames="12")
+    assert of(made, THRESHOLD)["minimum_samples"] == "4"
+    assert decided(made, "threshold").choice == "from 4 samples on"
+    mean = made.samples / made.texels
+    assert f"seen by about {mean:.0f} frames" in decided(made, "threshold").reason
+    own = planned(walk, tmp_path, samples__frames="12", luminance_threshold__minimum_samples="6")
+    assert of(own, THRESHOLD)["minimum_samples"] == "6"
+    assert decided(own, "threshold").given
+    many = planned(walk, tmp_path)
+    assert many.samples / many.texels > 16
+    assert "minimum_samples" not in of(many, THRESHOLD)
+    assert "threshold" not in {d.about for d in many.decisions}
 
 
 def test_it_never_asks_for_more_than_the_chain_would_do(walk, tmp_path):
@@ -166,6 +181,16 @@ def test_a_disk_that_just_suffices_is_used(walk, tmp_path, disk):
     disk(3 * texels * 60)
     document.apply(SAMPLES)
     assert document.has("samples")
+
+
+def test_too_little_memory_is_told_before_anything_is_written(walk, tmp_path, monkeypatch):
+    monkeypatch.setattr(plan, "machine_bytes", lambda: 250e6)
+    words = ["run", str(walk), "-o", str(tmp_path), "--texture-size", "64"]
+    result = CliRunner().invoke(cli.app, words)
+    assert result.exit_code == 1
+    assert "MB of memory for" in result.stderr
+    assert "this machine has 250 MB" in " ".join(result.stderr.split())
+    assert not list(tmp_path.rglob("*.npy"))
 
 
 # The shell

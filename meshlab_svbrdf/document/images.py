@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import glob
 import io
+import re
+from collections.abc import Sequence
 from contextlib import redirect_stdout
+from itertools import count, takewhile
 from pathlib import Path
 
 import cv2
@@ -13,6 +17,8 @@ import OpenEXR
 from ..errors import DocumentError
 from .atomic import replacing
 
+UDIM = re.compile(r"(.+)\.(1\d{3})")
+"""The name, without its suffix, of a UDIM tile's image."""
 _REDUCED_JPEG = {2: cv2.IMREAD_REDUCED_COLOR_2, 4: cv2.IMREAD_REDUCED_COLOR_4}
 
 
@@ -202,9 +208,25 @@ def read_exr(path: str | Path) -> np.ndarray:
     )
 
 
-def texture_files(path: Path, count: int) -> list[Path]:
-    """The images of `count` textures: NAME.png, NAME.1.png, NAME.2.png …"""
+def texture_files(path: Path, count: int, tiles: Sequence[int] = ()) -> list[Path]:
+    """The images of `count` textures: NAME.png, NAME.1.png, NAME.2.png …
+
+    tiles : numbers of the textures that are UDIM tiles: where `path` is one of NAME.1001.png,
+        NAME.1002.png … they are these
+    """
+    tile = UDIM.fullmatch(path.stem)
+    if tile and tiles:
+        return [path.with_name(f"{tile[1]}.{number}{path.suffix}") for number in tiles]
     return [path] + [path.with_name(f"{path.stem}.{k}{path.suffix}") for k in range(1, count)]
+
+
+def companions(path: Path) -> list[Path]:
+    """All files that may be the images of an object's textures, where the given one is of one."""
+    tile = UDIM.fullmatch(path.stem)
+    if tile:
+        beside = sorted(path.parent.glob(f"{glob.escape(tile[1])}.*{glob.escape(path.suffix)}"))
+        return [file for file in beside if UDIM.fullmatch(file.stem)]
+    return list(takewhile(Path.is_file, (texture_files(path, k + 1)[k] for k in count())))
 
 
 def _decode(path: str | Path, where: str, flags: int) -> np.ndarray:

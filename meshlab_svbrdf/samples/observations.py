@@ -110,8 +110,10 @@ def observe(
     wide = store.bits == 16
     scale = np.ascontiguousarray((100.0 * LARGEST if wide else 100.0) / gain, np.float32)
     view = View(
-        np.array(texels.position, np.float32), np.array(texels.normal, np.float32),
-        np.array(texels.face, np.int32), np.array(texels.barycentric, np.float32),
+        np.ascontiguousarray(texels.position, np.float32),
+        np.ascontiguousarray(texels.normal, np.float32),
+        np.ascontiguousarray(texels.face, np.int32),
+        np.ascontiguousarray(texels.barycentric, np.float32),
         np.array([c.center - texels.center for c in cameras], np.float32).reshape(count, 3),
         scale,
         np.array(faces, np.int32),

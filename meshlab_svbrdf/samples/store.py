@@ -76,6 +76,12 @@ class Block(NamedTuple):
 
 
 @kernel
+def _add_counts(offsets, total):
+    for i in range(len(total)):
+        total[i] += np.int64(offsets[i + 1]) - np.int64(offsets[i])
+
+
+@kernel
 def _merge(spans, base, first_frame, frame, value, offsets, out_frame, out_value):
     """Put every texel's samples together, chunk after chunk, in whole steps of `STEP`.
 
@@ -373,7 +379,7 @@ class SampleStore:
             for chunk in self.chunks:
                 offsets = np.empty(self.texels + 1, np.uint32)
                 chunk.read("offsets", 0, offsets)
-                total += np.diff(offsets)
+                _add_counts(offsets, total)
             total.flags.writeable = False
             self._counts = total
         return self._counts

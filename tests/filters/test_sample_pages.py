@@ -435,3 +435,23 @@ def test_wrong_cameras_are_not_blamed_on_the_light(walk, tmp_path, monkeypatch):
     message, _ = said_of(edited(walk, tmp_path / "in", shifted(-8)), tmp_path / "out")
     assert "the cameras are wrong" in message
     assert "light changed" not in message
+
+
+def test_too_few_photographs_go_through_and_tell_what_they_lack(walk, tmp_path):
+    """With six frames no texel has eight samples; with three asked of each many have enough."""
+    document = Document.open(walk, tmp_path)
+    given = {TEXELS: {"texture_size": 48}, SAMPLES: {"frames": 6}}
+    said = run(document, **given)
+    assert "stills, " in said[SAMPLES].message
+    assert said[THRESHOLD].message.startswith("0.0 % of the texels observed; ")
+    assert "were seen, but by fewer than 8 frames well enough: take more" in said[THRESHOLD].message
+    assert "be content with fewer (minimum_samples=4)" in said[THRESHOLD].message
+    assert not np.isfinite(document.attribute("final_diffuse")).any()
+    assert document.json("materials")["materials"] == []
+
+    few = document.apply(THRESHOLD, minimum_samples=3).message
+    samples, seen = document.attribute("samples"), np.isfinite(document.attribute("threshold"))
+    np.testing.assert_array_equal(seen, samples >= 3)
+    assert 0.2 < seen.mean() < 1
+    assert "fewer than 3 frames" in few
+    assert "minimum_samples" not in few
