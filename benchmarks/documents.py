@@ -9,6 +9,7 @@ from meshlab_svbrdf.presets import PRESETS
 from . import (
     ablation,
     accuracy,
+    cluster,
     export,
     hdr,
     materials,
@@ -17,10 +18,12 @@ from . import (
     photographs,
     registration,
     relighting,
+    sequences,
     timing,
 )
 from .ledger import ROOT, Row
 from .plot import time_plot
+from .sequences_plot import sequences_plot
 from .stability import part as stability
 from .tables import Column, Table, splice, table
 
@@ -31,8 +34,11 @@ STABILITY = ROOT / "docs" / "stability.md"
 HDR = ROOT / "docs" / "hdr.md"
 MATERIALS, VIEW = ROOT / "docs" / "materials.md", ROOT / "docs" / "view.md"
 PICTURE = ROOT / "docs" / "images" / "accuracy_time.png"
+SCALING = ROOT / "docs" / "scaling.md"
 EXPORT = ROOT / "docs" / "export.md"
 EXPORT_PICTURE = ROOT / "docs" / "images" / "export.png"
+SEQUENCES = ROOT / "docs" / "sequences.md"
+SEQUENCES_PICTURE = ROOT / "docs" / "images" / "sequences.png"
 PARTS = (accuracy, timing, ablation, photographs)
 SHORT = (
     Column("s", "seconds", "{:.0f}"),
@@ -56,7 +62,7 @@ def write_documents(rows: Mapping[str, Sequence[Row]]) -> None:
     if own := rows.get(export.PART):
         splice(EXPORT, export.PART, "\n\n".join(each.markdown() for each in export.tables(own)))
         export.picture(own, EXPORT_PICTURE)
-    for part, path in ((materials, MATERIALS), (page, VIEW), (hdr, HDR)):
+    for part, path in ((materials, MATERIALS), (page, VIEW), (hdr, HDR), (cluster, SCALING)):
         if own := rows.get(part.PART):
             splice(path, part.PART, "\n\n".join(each.markdown() for each in part.tables(own)))
     if own := rows.get(performance.PART):
@@ -70,6 +76,10 @@ def write_documents(rows: Mapping[str, Sequence[Row]]) -> None:
     if own := rows.get(relighting.PART):
         for (name, where), each in zip(RELIT.items(), relighting.tables(own), strict=False):
             splice(where, name, each.markdown())
+    if own := rows.get(sequences.PART):
+        text = "\n\n".join(each.markdown() for each in sequences.tables(own))
+        splice(SEQUENCES, sequences.PART, text)
+        sequences_plot(own, SEQUENCES_PICTURE)
     if own := rows.get(stability.PART):
         for row in own:
             text = "\n\n".join(each.markdown() for each in stability.tables([row]))

@@ -59,7 +59,6 @@ COLUMNS = (
     Column("highlights, ln", "highlights", "{:.3f}"),
     Column("views dB", "psnr", "{:.1f}"),
     Column("bytes a sample", "bytes", "{:.1f}"),
-    Column("s", "seconds", "{:.0f}"),
 )
 
 

@@ -15,7 +15,7 @@ from meshlab_svbrdf.document.products import plain
 from meshlab_svbrdf.document.record import write_json
 from meshlab_svbrdf.exporting import gltf
 from meshlab_svbrdf.exporting.corners import joined_vertices, textured_faces
-from meshlab_svbrdf.exporting.gloss import HALF_VECTOR, ggx_of_phong
+from meshlab_svbrdf.exporting.gloss import HALF_VECTOR, Ggx, ggx_of_phong
 from meshlab_svbrdf.exporting.lights import light_file, light_map
 from meshlab_svbrdf.exporting.maps import LEVEL, Made, gltf_maps, pbr_maps, phong_maps
 from meshlab_svbrdf.exporting.obj import ObjMaterial, mtl_text, obj_text
@@ -33,7 +33,8 @@ GENERATOR = f"meshlab-svbrdf {version('meshlab-svbrdf')}"
 BARE = "unobserved"
 CONVERSIONS = {
     "phong": "a white surface that faces a lamp shows c; the lobe adds c rho_s (l.r)^alpha",
-    "ggx": "F = 2 rho_s/(alpha + 1) at all angles, a^2 = 1/(2 (alpha + 1)): same energy, same top",
+    "ggx": "F = 2 rho_s/(alpha + 1) at all angles, a^2 = 1/(2 (alpha + 1)): same energy, same top; "
+    "of microfacets F = k F0/pi, k/pi at grazing angles, and their own a",
     "roughness": "sqrt(a)",
     "specular_level": f"F/{LEVEL:g} (Blender, Substance, Unreal; index of refraction 1.5)",
     "mtl": f"Ks (n.h)^Ns with Ks = rho_s, Ns = {HALF_VECTOR:g} alpha",
@@ -271,13 +272,18 @@ def write_account(
 
 
 def _converted(material: dict[str, Any]) -> dict[str, Any]:
-    """A material's entry in materials.json, with its lobe as GGX; no colour of an unseen one."""
-    if material["rho_s_lobe"] is None:
+    """A material's entry in materials.json, with its gloss as GGX, as the textures have it; no
+    colour of an unseen one."""
+    if found := material.get("reflectance"):
+        grazing = found["strength"] / np.pi
+        ggx = Ggx(found["f0"] * grazing, grazing, found["roughness"])
+    elif material["rho_s_lobe"] is None:
         return material | {"specular_color": None}
-    ggx = ggx_of_phong(material["rho_s_lobe"], material["alpha_lobe"])
+    else:
+        ggx = ggx_of_phong(material["rho_s_lobe"], material["alpha_lobe"])
     return material | {
         "ggx": {
-            "mirrored": float(ggx.facing), "a": float(ggx.roughness),
-            "roughness": float(np.sqrt(ggx.roughness)),
+            "mirrored": float(ggx.facing), "mirrored_at_grazing": float(ggx.grazing),
+            "a": float(ggx.roughness), "roughness": float(np.sqrt(ggx.roughness)),
         }
     }  # fmt: skip

@@ -96,8 +96,7 @@ def materials(document: Document) -> Html:
                         _number(m.get("z"), ".0f"), _number(m.get("ln_alpha_interval"), ".2f"),
                     ) if seen else "––––"
                 ),
-                m["reason"] if not seen else
-                f"observed; {model['model']} describes it better" if model else "observed",
+                _described(model) if model else "observed" if seen else m["reason"],
             )
         )  # fmt: skip
         if m["observed"]:
@@ -124,6 +123,13 @@ def materials(document: Document) -> Html:
         title, note(f"Estimator: {told['estimator']}. As seen, under lights of mean gain 1."),
         table(heads, rows, 8), note(EVIDENCE), tag("div", *plots, class_="grid"),
     )  # fmt: skip
+
+
+def _described(model: dict[str, Any]) -> str:
+    return (
+        f"{model['model']} describes it {model['gain_db']:.1f} dB better: roughness "
+        f"{model['roughness']:.3f}, F₀ {model['f0']:.3f}, strength {model['strength']:.4g}"
+    )
 
 
 def coverage(document: Document) -> Html:

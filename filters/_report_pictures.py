@@ -35,6 +35,7 @@ MAPS = {  # file: title, its PNG, whether its histogram is logarithmic, unit
     "albedo": ("Albedo", "albedo", False, "linear, of a lamp of gain 1"),
     "rho_s": ("Strength of the highlight ρs", "rho_s", True, "1 = white"),
     "alpha": ("Shininess α", "alpha", True, "exponent"),
+    "roughness": ("Roughness of microfacets", "roughness", True, "a of GGX or Beckmann"),
     "sheen": ("Sheen", "sheen", False, "strength"),
 }
 
@@ -63,7 +64,7 @@ def object_views(document: Document) -> Html:
     parts = []
     for name, caption in (
         ("diffuse", "diffuse colour"), ("albedo", "albedo"), ("materials_shown", "materials"),
-        ("rho_s", "strength ρs"), ("alpha", "shininess α"),
+        ("rho_s", "strength ρs"), ("alpha", "shininess α"), ("roughness", "roughness"),
     ):  # fmt: skip
         if document.map_paths(name, "png"):
             worn = matte(mesh, [image[..., :3] for image in document.map(name, "png")])
@@ -143,8 +144,8 @@ def comparison(document: Document) -> Html:
 def _map(
     document: Document, title: str, image: str, pixels: np.ndarray, log: bool, unit: str
 ) -> Html:  # fmt: skip
-    known = np.isfinite(pixels) if pixels.ndim == 1 else np.isfinite(pixels).all(1)
-    values = pixels[known].reshape(int(known.sum()), -1)
+    pixels = pixels.reshape(len(pixels), int(np.prod(pixels.shape[1:])))
+    values = pixels[np.isfinite(pixels).all(1)]
     images = [
         picture(each[..., :3], f"{title}{f', texture {k}' if k else ''}", MAP)
         for k, each in enumerate(document.map(image, "png"))

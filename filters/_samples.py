@@ -35,7 +35,6 @@ TASKS = 12
 """Into which the frames are parted for workers, but"""
 LEAST, MOST = 16, 64
 """frames of each, lest offsets take more room than samples, or a worker's death cost much."""
-UNREADABLE = (OSError, ValueError, KeyError, TypeError)  # of a store that is cut off or damaged
 
 log = logging.getLogger("meshlab_svbrdf")
 
@@ -158,7 +157,11 @@ class Projecting:
 def _elsewhere(
     spread: Spread, work: Projecting, earlier: list[SampleStore], progress
 ) -> list[SampleStore]:  # fmt: skip
-    """Stores, made by workers, of the frames that no earlier store has."""
+    """Stores, made by workers, of the frames that no earlier store has.
+
+    Where it is interrupted, `folder` is kept for the next run as one that holds a store.
+    """
+    SampleStore(len(work.sampler.texels), [], names=[], seen=[], quality=[]).describe(work.folder)
     lacking = [
         (first, stop)
         for first, stop, found in runs_known(
@@ -197,15 +200,9 @@ def read_samples(document: Document, mesh: Mesh, rasters: list[RasterEntry]) -> 
         return held
     run = document.results.record["runs"].get(SAMPLES, {}).get("parameters", {})
     if run.get("store", "disk") == "disk":
-        folder = document.result_folder("samples")
-        try:
-            store = SampleStore.open(folder)
-            store.spread = document.spread
-            return store
-        except UNREADABLE as error:
-            raise DocumentError(
-                f"{folder}: the samples are damaged ({error}): run {SAMPLES} again with --force"
-            ) from None
+        store = SampleStore.open(document.result_folder("samples"))
+        store.spread = document.spread
+        return store
     log.warning("the samples were not kept (store=memory): the frames are projected again")
     store = project_frames(
         document, mesh, document.texels(), rasters, registry.get(SAMPLES).check(run),
@@ -221,6 +218,6 @@ def _readable(folders: list[Path]) -> list[SampleStore]:
     for folder in [each for own in folders for each in (own, *sorted(own.glob(PARTS)))]:
         try:
             found.append(SampleStore.open(folder))
-        except UNREADABLE:
+        except DocumentError:
             continue
     return found

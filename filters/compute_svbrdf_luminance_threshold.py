@@ -9,6 +9,11 @@ from meshlab_svbrdf.reflectance.threshold import MINIMUM_SAMPLES, luminance_thre
 
 from ._stages import counted, read_observations, share
 
+FEW = 0.05
+"""Share of the texels that are seen too seldom, from which on it is said."""
+LEAST = 4
+"""Samples that a texel may be judged by, if need be (docs/sequences.md)."""
+
 FILTER = Filter(
     name="compute_svbrdf_luminance_threshold",
     title="SVBRDF: luminance threshold",
@@ -19,9 +24,14 @@ FILTER = Filter(
             "minimum_quality", "float", 0.1, minimum=0.0, maximum=1.0,
             help="Samples below do not count for the threshold.",
         ),
+        Parameter(
+            "minimum_samples", "int", MINIMUM_SAMPLES, minimum=3, maximum=1000,
+            help="Texels with fewer are unobserved. Less than 8 is for a few photographs, where "
+            "else little would be seen: a highlight in one of them then counts for more.",
+        ),
     ),
     help="Per texel t = μ + mean |Y − μ| of the samples' luminance, an upper bound of their "
-    f"median. Texels with fewer than {MINIMUM_SAMPLES} samples are unobserved. Attributes: "
+    "median. Texels with fewer than `minimum_samples` are unobserved. Attributes: "
     "svbrdf_threshold, svbrdf_mean, svbrdf_minimum (luminance, 0..100), svbrdf_mean_color, "
     "svbrdf_samples.",
     reference="Palma et al. 2012, §5",
@@ -33,10 +43,20 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
         read_observations(document, visibility=False),
         parameters.minimum_quality,
         counted(progress, "texels"),
+        parameters.minimum_samples,
     )
     document.set_attribute("threshold", statistics.threshold)
     document.set_attribute("mean", statistics.mean)
     document.set_attribute("minimum", statistics.minimum)
     document.set_attribute("mean_color", statistics.color)
     document.set_attribute("samples", statistics.samples)
-    return f"{share(statistics.observed)} of the texels observed"
+    said = f"{share(statistics.observed)} of the texels observed"
+    few = (statistics.samples > 0) & ~statistics.observed
+    if few.mean() > FEW:
+        said += (
+            f"; {share(few)} were seen, but by fewer than {parameters.minimum_samples} frames well "
+            "enough: take more from all around"
+        )
+        if parameters.minimum_samples > LEAST:
+            said += f", or be content with fewer (minimum_samples={LEAST})"
+    return said

@@ -49,7 +49,7 @@ FILTER = Filter(
             "than .1 % or a tenth of its error.",
         ),
         Parameter(
-            "samples", "int", 1_500_000, minimum=10_000,
+            "samples", "int", 750_000, minimum=10_000,
             help="About how many samples the joint fit holds in memory, about 60 bytes each.",
         ),
         Parameter(
@@ -119,7 +119,8 @@ FILTER = Filter(
         ),
     ),
     help="Writes materials.json, lights.json, maps/rho_s.exr and maps/alpha.exr (NaN where "
-    "unobserved) and the final maps/diffuse. A material whose samples do not determine its gloss "
+    "unobserved; maps/roughness.exr, f0.exr and strength.exr where microfacets describe a material "
+    "better) and the final maps/diffuse. A material whose samples do not determine its gloss "
     "is unobserved, and why is said.",
     reference="Palma et al. 2012, §7",
 )  # fmt: skip
@@ -177,6 +178,8 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
     notes = [*notes, *set_diffuse_maps(document, texels, diffuse)]
     set_scalar_map(document, "rho_s", texels, rho_s, shown="rho_s")
     set_scalar_map(document, "alpha", texels, alpha, shown="shininess", logarithmic=True)
+    if any(microfacets):
+        _set_microfacets(document, dense, microfacets)
     set_lights(document, lights, document.image("environment").astype(np.float64), ambient)
     document.set_json(
         "materials",
@@ -207,6 +210,21 @@ def _joint(
         ambient=parameters.ambient, sharp=parameters.sharp,
         microfacets=parameters.reflectance == "auto", ids=ids, progress=progress,
     )  # fmt: skip
+
+
+def _set_microfacets(
+    document: Document, labels: np.ndarray, microfacets: list[Microfacets | None]
+) -> None:
+    """Maps of what microfacets are, NaN on texels of other materials and of none."""
+    of = [(np.nan,) * 3 if m is None else (m.roughness, m.f0, m.strength) for m in microfacets]
+    roughness, f0, strength = np.array([*of, (np.nan,) * 3], np.float32)[labels].T
+    texels = document.texels()
+    document.set_attribute("material_roughness", roughness)
+    document.set_attribute("material_f0", f0)
+    document.set_attribute("material_strength", strength / 100)
+    set_scalar_map(document, "roughness", texels, roughness, shown="roughness", logarithmic=True)
+    document.set_map("f0", texels.to_images(f0))
+    document.set_map("strength", texels.to_images(strength / 100))
 
 
 def _bell(document: Document, own: np.ndarray, parameters: Namespace) -> Material:

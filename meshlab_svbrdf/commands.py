@@ -381,9 +381,15 @@ def _named(document: Document) -> list[dict[str, Any]]:
 
 
 def _material_line(material: dict[str, Any]) -> str:
-    """A row of the material table: ρs and α, or why there are none."""
+    """A row of the material table: its microfacets where they describe it better, else ρs and α, or
+    why there are none."""
     name = f" ({material['name']})" if "name" in material else ""
     line = f"material {material['id']}{name}: {material['texels']:,} texels, "
+    if model := material.get("reflectance"):
+        return (
+            f"{line}{model['model']} of roughness {model['roughness']:.3g}, F0 {model['f0']:.3g}, "
+            f"strength {model['strength']:.4g}"
+        )
     if not material["observed"]:
         return f"{line}unobserved: {material['reason']}"
     return f"{line}rho_s {material['rho_s']:.4g}, alpha {material['alpha']:.4g}"

@@ -56,7 +56,11 @@ TEXELS, VISIBILITY = "compute_svbrdf_texels", "compute_svbrdf_visibility"
 ENVIRONMENT = "generate_svbrdf_environment_map"
 PEAKS = "compute_svbrdf_texel_specular.peaks"
 GLOSS = "compute_svbrdf_material_specular.gloss"
+LEAST = "compute_svbrdf_luminance_threshold.minimum_samples"
 COMPARED = "compute_svbrdf_materials.gloss"
+FEW, FEWEST = 16, 4
+"""Samples of a texel, on average, below which parts of the surface would not have the 8 that are
+asked for; what is asked for then (docs/sequences.md)."""
 TRIED_FRAMES, TRIED_TEXELS, TIMED_TEXELS = 24, 4000, 65536
 
 
@@ -197,6 +201,8 @@ def make_plan(document: Document, steps: list[Step], given: Mapping[str, Any]) -
         _highlights(trial, given),
         _reduction(reduce, found.pixels_per_texel(side), given),
     ]
+    if trial and trial.share * used < FEW:
+        decisions.append(_few(trial.share * used, given))
     there = {step.name for step in steps}
     for decision in decisions:
         for name, value in decision.sets.items():
@@ -269,6 +275,16 @@ def _frames(used: int, there: int, said: str, given: Mapping[str, Any]) -> Decis
         ) + "; more would hardly change the result"
     return Decision(
         "frames", f"{used} of {there}", reason, given=any(name in given for name in names)
+    )
+
+
+def _few(samples: float, given: Mapping[str, Any]) -> Decision:
+    """How many samples a texel must have, where it has few."""
+    asked = LEAST in given
+    least = int(given[LEAST]) if asked else FEWEST
+    reason = f"a texel is seen by about {samples:.0f} frames; gloss is surer with {FEW} or more"
+    return Decision(
+        "threshold", f"from {least} samples on", reason, {} if asked else {LEAST: str(least)}, asked
     )
 
 

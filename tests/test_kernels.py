@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 import time
+from contextlib import nullcontext
 
 import pytest
 from numba import types
@@ -87,9 +88,19 @@ def test_what_another_process_compiled_is_taken(tmp_path):
     assert len(list((tmp_path / "kept").rglob("*.nbc"))) == 2
 
 
-def test_nothing_is_said_where_all_is_compiled(monkeypatch):
+@pytest.mark.parametrize(("cores", "helped"), [(1, 0), (2, 1)])
+def test_a_second_process_helps_where_there_is_a_core_for_it(monkeypatch, cores, helped):
+    said, started = [], []
+    monkeypatch.setattr(kernels, "compiled", lambda: False)
+    monkeypatch.setattr(kernels, "thread_count", lambda: cores)
+    monkeypatch.setattr(kernels, "_second", lambda: started.append(1) or nullcontext())
+    with compiling(said.append):
+        assert len(started) == helped
+    assert ["once" in line for line in said] == [True]
+
+
+def test_nothing_is_said_where_all_is_compiled():
     said = []
-    monkeypatch.setattr(kernels, "compiled", lambda: True)
     with compiling(said.append):
         pass
     assert not said

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from totems import SAMPLES, TEXELS, WALK, edited, film
+from totems import SAMPLES, TEXELS, THRESHOLD, WALK, edited, film
 from typer.testing import CliRunner
 
 from meshlab_svbrdf import cli, plan
@@ -66,6 +66,21 @@ def test_what_the_user_sets_stays(walk, tmp_path):
     assert of(made, SAMPLES)["frames"] == "7"
     assert made.frames == 7
     assert decided(made, "frames").given
+
+
+def test_few_photographs_are_content_with_few_samples(walk, tmp_path):
+    made = planned(walk, tmp_path, samples__frames="12")
+    assert of(made, THRESHOLD)["minimum_samples"] == "4"
+    assert decided(made, "threshold").choice == "from 4 samples on"
+    mean = made.samples / made.texels
+    assert f"seen by about {mean:.0f} frames" in decided(made, "threshold").reason
+    own = planned(walk, tmp_path, samples__frames="12", luminance_threshold__minimum_samples="6")
+    assert of(own, THRESHOLD)["minimum_samples"] == "6"
+    assert decided(own, "threshold").given
+    many = planned(walk, tmp_path)
+    assert many.samples / many.texels > 16
+    assert "minimum_samples" not in of(many, THRESHOLD)
+    assert "threshold" not in {d.about for d in many.decisions}
 
 
 def test_it_never_asks_for_more_than_the_chain_would_do(walk, tmp_path):

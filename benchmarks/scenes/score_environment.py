@@ -70,6 +70,8 @@ def _mask(result: Path) -> np.ndarray:
     """What the light stage takes for lamps, (H, 2H) uint8."""
     radiance = np.load(result / "arrays" / "environment_radiance.npy")
     seen = np.load(result / "arrays" / "environment_weight.npy") > 0
+    if not seen.any():  # no texel is observed
+        return seen.astype(np.uint8)
     parameters = registry.get("compute_svbrdf_light_sources").parameters
     level = next(p.default for p in parameters if p.name == "level")
     return (seen & (radiance > level * np.quantile(radiance[seen], 0.9995))).astype(np.uint8)

@@ -16,8 +16,9 @@ import tempfile
 import time
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
-from numba.core import event
+from numba.core.dispatcher import Dispatcher
 
 from ..batch import RUN
 from ..kernel_list import to_json
@@ -56,32 +57,28 @@ def _options(project: Path, output: Path, estimator: str) -> list[str]:
 
 
 def list_kernels(project: str, output: str) -> dict[str, Any]:
-    """What a run compiles for the interpreter, where nothing is yet and there is but one core."""
+    """What the interpreter asks of numba in a run, kept from another run or not, on one core."""
     from typer.testing import CliRunner
 
     from ..cli import app
 
-    noted = _Noted()
-    event.register("numba:compile", noted)
+    found: list[Any] = []
+    asked: list[Any] = []
+    compile_it = Dispatcher.compile
+
+    def note(kernel: Any, arguments: Any) -> Any:
+        if not asked:  # else it is for that kernel
+            found.append(to_json(kernel, arguments))
+        asked.append(kernel)
+        try:
+            return compile_it(kernel, arguments)
+        finally:
+            asked.pop()
+
     words = ["run", *_options(Path(project), Path(output), "joint")]
-    CliRunner().invoke(app, words, catch_exceptions=False)
-    return {"kernels": [to_json(kernel, arguments) for kernel, arguments in noted.found]}
-
-
-class _Noted(event.Listener):
-    """The kernels that nothing but the interpreter asked for."""
-
-    def __init__(self) -> None:
-        self.found: list[tuple[Any, Any]] = []
-        self.depth = 0
-
-    def on_start(self, event: event.Event) -> None:
-        if self.depth == 0:
-            self.found.append((event.data["dispatcher"], event.data["args"]))
-        self.depth += 1
-
-    def on_end(self, event: event.Event) -> None:
-        self.depth -= 1
+    with patch.object(Dispatcher, "compile", note):
+        CliRunner().invoke(app, words, catch_exceptions=False)
+    return {"kernels": found}
 
 
 def main() -> None:
@@ -90,10 +87,7 @@ def main() -> None:
 
     with tempfile.TemporaryDirectory(prefix="svbrdf-kernels-") as place:
         project = make_workload(Path(place), TINY_FRAMES, TINY).project
-        told = measure(
-            "list", 1, {"NUMBA_CACHE_DIR": f"{place}/kernels"},
-            project=str(project), output=f"{place}/out",
-        )["kernels"]  # fmt: skip
+        told = measure("list", 1, project=str(project), output=f"{place}/out")["kernels"]
     lines = ",\n".join(json.dumps(entry) for entry in told)
     Path(str(LIST)).write_text(f"[\n{lines}\n]\n", encoding="utf-8")
     print(f"{len(told)} kernels", file=sys.stderr)

@@ -58,8 +58,8 @@ def huge(
         shutil.rmtree(place, ignore_errors=True)
     return {
         "runs": runs,
-        "texels": growth(*runs, "texels", TEXELS),
-        "triangles": growth(*surfaces, "triangles", TRIANGLES),
+        "texels": growth(runs[0], runs[1], "texels", TEXELS),
+        "triangles": growth(surfaces[0], surfaces[1], "triangles", TRIANGLES),
     }
 
 

@@ -9,10 +9,10 @@ from __future__ import annotations
 import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
 
 from ..blocks import blocks
 from ..jit import kernel
+from .nearest import nearest, tree_of
 
 # Generally don't change these: a square grid has its diagonal at 1.4 spacings and a seam between
 # two charts puts a texel at most about 2 away; k = 8 is a square's ring.
@@ -47,7 +47,7 @@ def neighbours(
     k = min(k, texels - 1)
     if k < 1:
         return np.zeros(texels + 1, np.int64), np.zeros(0, np.int32)
-    distance, index = _nearest(position, k)
+    distance, index = nearest(position, k + 1)
     limit = reach * _local_spacing(distance)
     return _symmetrise(distance, index, limit, np.ascontiguousarray(normal, np.float32))
 
@@ -61,7 +61,7 @@ def spacing(position: np.ndarray) -> float:
     if k < 1:
         return 0.0
     asked = position[:: 1 + len(position) // 20000]
-    distance, _ = _tree(position).query(asked, k=[k + 1], workers=-1)
+    distance, _ = tree_of(position).query(asked, k=[k + 1], workers=-1)
     return float(np.median(distance))
 
 
@@ -99,20 +99,6 @@ def thin(position: np.ndarray, normal: np.ndarray, count: int) -> np.ndarray:
         chosen = np.unique(key, return_index=True)[1]
         cell *= np.sqrt(len(chosen) / count)
     return np.sort(chosen)
-
-
-def _tree(position: np.ndarray) -> cKDTree:
-    return cKDTree(position, balanced_tree=False, compact_nodes=False)
-
-
-def _nearest(position: np.ndarray, k: int) -> tuple[np.ndarray, np.ndarray]:
-    """Distances (T, k + 1) float32 and indices (T, k + 1) int32, the texel itself among them."""
-    tree = _tree(position)
-    distance = np.empty((len(position), k + 1), np.float32)
-    index = np.empty(distance.shape, np.int32)
-    for own in blocks(len(position)):
-        distance[own], index[own] = tree.query(position[own], k=k + 1, workers=-1)
-    return distance, index
 
 
 def _local_spacing(distance: np.ndarray) -> np.ndarray:

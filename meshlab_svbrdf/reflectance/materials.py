@@ -169,7 +169,9 @@ def segment_surface(
 
     # Spread the labels to the texels that were thinned out
     left = np.setdiff1d(observed, kept, assume_unique=True)
-    tree = cKDTree(position[kept]) if len(left) else None
+    if not len(left):
+        return labels
+    tree = cKDTree(position[kept])
     for block in blocks(len(left)):
         own = left[block]
         near = kept[tree.query(position[own], k=4, workers=-1)[1]]

@@ -19,7 +19,7 @@ from ..samples.store import Block
 from .rows import luminances, read_row
 
 MINIMUM_SAMPLES = 8
-"""Texels with fewer samples are unobserved."""
+"""Texels with fewer samples are unobserved, where nothing else is asked for."""
 
 
 @dataclass(frozen=True)
@@ -97,21 +97,24 @@ def _threshold(block, view, cut, least, threshold, mean, minimum, rgb, samples):
 
 
 def luminance_threshold(
-    observations: Observations, minimum_quality: float = 0.1, progress=lambda done, total: None
-) -> LuminanceStatistics:
+    observations: Observations, minimum_quality: float = 0.1, progress=lambda done, total: None,
+    minimum_samples: int = MINIMUM_SAMPLES,
+) -> LuminanceStatistics:  # fmt: skip
     """Per texel t = μ + mean |Y − μ| over the samples with quality ≥ `minimum_quality` (paper §5).
 
+    Texels with fewer than `minimum_samples` of these are unobserved.
     Since |μ − m| ≤ E|X − m| ≤ E|X − μ|, t bounds the median m from above.
     """
-    work = partial(_block_statistics, observations.view, int(np.rint(minimum_quality * 127)))
+    cut = int(np.rint(minimum_quality * 127))
+    work = partial(_block_statistics, observations.view, cut, minimum_samples)
     return LuminanceStatistics(*observations.store.rows(work, progress))
 
 
-def _block_statistics(view: View, cut: int, block: Block) -> tuple[np.ndarray, ...]:
+def _block_statistics(view: View, cut: int, least: int, block: Block) -> tuple[np.ndarray, ...]:
     """The fields of `LuminanceStatistics` for a block's texels."""
     count = block.stop - block.first
     threshold, mean, minimum = (np.full(count, np.nan, np.float32) for _ in range(3))
     rgb, samples = np.full((count, 3), np.nan, np.float32), np.zeros(count, np.int32)
-    least = np.float32(cut) / np.float32(127)
-    _threshold(block, view, least, MINIMUM_SAMPLES, threshold, mean, minimum, rgb, samples)
+    quality = np.float32(cut) / np.float32(127)
+    _threshold(block, view, quality, least, threshold, mean, minimum, rgb, samples)
     return threshold, mean, minimum, rgb, samples

@@ -18,6 +18,7 @@ import numpy as np
 
 from ..errors import DocumentError
 from ..jit import kernel
+from ..npy import write_npy
 
 MOST_FRAMES = 256  # of a chunk: a byte counts them
 COLUMNS = ("frame", "value")
@@ -69,7 +70,7 @@ class MemoryChunk:
 
     def save(self, folder: Path, index: int) -> FileChunk:
         for name, column in self._columns.items():
-            np.save(_path(folder, index, name), column)
+            write_npy(_path(folder, index, name), column)
         return FileChunk(folder, index, self.frames, self._columns["value"].dtype.type)
 
 

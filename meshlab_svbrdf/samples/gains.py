@@ -77,7 +77,7 @@ def some_logs(
     evenly spaced texels but for clipped and dark ones; samples : see `frame_gains`."""
     store = observations.store
     samples = samples or max(250_000, PER_FRAME * store.frames)
-    stride = max(1, len(store) // samples)
+    chosen = np.arange(0, store.texels, max(1, len(store) // samples))
     view = observations.view
     dark = (
         DARK if store.bits == 8 else int(code_of(np.float32(DARK_LINEAR / np.median(view.scale))))
@@ -90,9 +90,9 @@ def some_logs(
         n = _ratios(block, view, dark, logs, texel, frame)
         return logs[:n], texel[:n] + own.start, frame[:n]
 
-    pieces = store.map_texels(work, np.arange(0, store.texels, stride))
+    pieces = store.map_texels(work, chosen)
     logs, texel, frame = (np.concatenate(each) for each in zip(*pieces, strict=True))
-    return logs, texel, frame
+    return logs, chosen[texel], frame
 
 
 def frame_gains(

@@ -17,10 +17,12 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import count, pairwise
 from pathlib import Path
+from tokenize import TokenError
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
+from ..errors import DocumentError
 from ..jit import kernel
 from ..spread import Spread
 from ..threads import thread_count
@@ -39,6 +41,11 @@ from .chunks import (
 )
 
 DESCRIPTION = "store.json"
+UNREADABLE = (
+    OSError, ValueError, KeyError, TypeError, EOFError, OverflowError, RecursionError, SyntaxError,
+    TokenError,
+)  # fmt: skip
+"""What NumPy, JSON and what is made of them raise on damaged files."""
 
 Result = TypeVar("Result")
 
@@ -66,6 +73,12 @@ class Block(NamedTuple):
     @property
     def quality(self) -> np.ndarray:
         return self.value[:, 3]
+
+
+@kernel
+def _add_counts(offsets, total):
+    for i in range(len(total)):
+        total[i] += np.int64(offsets[i + 1]) - np.int64(offsets[i])
 
 
 @kernel
@@ -234,6 +247,27 @@ def _project(
             yield written.result()
 
 
+def _check(chunk: Chunk, texels: int, index: int) -> None:
+    """Kernels follow the offsets without looking: they must stay within the chunk's columns."""
+    offsets, frame, value = (chunk.mapped(name) for name in ("offsets", *COLUMNS))
+    right = (
+        isinstance(chunk.frames, int)
+        and len(offsets) == texels + 1
+        and offsets[0] == 0
+        and offsets[-1] == len(frame) == len(value)
+        and bool((offsets[1:] >= offsets[:-1]).all())
+    )
+    if not right:
+        raise ValueError(f"chunk {index} does not fit together")
+
+
+def _damaged(folder: Path, why: object) -> DocumentError:
+    return DocumentError(
+        f"{folder}: the samples are damaged ({why}): apply compute_svbrdf_samples again, with "
+        "--force"
+    )
+
+
 @dataclass(frozen=True)
 class _Reading:
     """Work on a block that is read where the work is done."""
@@ -270,6 +304,7 @@ class SampleStore:
         self.names = list(names)
         self.seen = np.array(seen, np.int64)
         self.quality = np.array(quality, np.float64)
+        self.folder: Path | None = None
         self.bits = bits
         self.kind = KINDS[bits]
         self.spread: Spread | None = None
@@ -281,14 +316,26 @@ class SampleStore:
 
     @classmethod
     def open(cls, folder: Path) -> SampleStore:
-        """What `write_store` left in a folder."""
-        told = json.loads((folder / DESCRIPTION).read_text())
-        bits = told.get("bits", 8)
-        chunks = [FileChunk(folder, k, size, KINDS[bits]) for k, size in enumerate(told["chunks"])]
-        return cls(
-            told["texels"], chunks, names=told["names"], seen=told["seen"],
-            quality=told["quality"], bits=bits,
-        )  # fmt: skip
+        """What `write_store` left in a folder.
+
+        Raises DocumentError where it is damaged, or not there.
+        """
+        try:
+            told = json.loads((folder / DESCRIPTION).read_text())
+            texels, sizes, names = told["texels"], told["chunks"], told["names"]
+            bits = told.get("bits", 8)
+            chunks = [FileChunk(folder, k, size, KINDS[bits]) for k, size in enumerate(sizes)]
+            store = cls(
+                texels, chunks, names=names, seen=told["seen"], quality=told["quality"], bits=bits
+            )
+            if not (sum(sizes) == len(names) == store.frames == len(store.quality)):
+                raise ValueError(f"{DESCRIPTION}: the frames of its chunks are others than its own")
+            for k, chunk in enumerate(chunks):
+                _check(chunk, texels, k)
+        except UNREADABLE as error:
+            raise _damaged(folder, error) from None
+        store.folder = folder
+        return store
 
     @property
     def frames(self) -> int:
@@ -332,7 +379,7 @@ class SampleStore:
             for chunk in self.chunks:
                 offsets = np.empty(self.texels + 1, np.uint32)
                 chunk.read("offsets", 0, offsets)
-                total += np.diff(offsets)
+                _add_counts(offsets, total)
             total.flags.writeable = False
             self._counts = total
         return self._counts
@@ -350,12 +397,18 @@ class SampleStore:
         for chunk, low, (a, b) in zip(self.chunks, spans[:, 0], pairwise(base), strict=True):
             for name, rows in zip(COLUMNS, (frames, values), strict=True):
                 chunk.read(name, int(low), rows[a:b])
+            self._check_frames(frames[a:b], chunk.frames)
         offsets = np.zeros(stop - first + 1, np.int64)
         frame = np.empty(total + STEP, np.int32)
         value = np.empty(total + STEP, WORDS[np.dtype(self.kind)])
         starts = np.array([first_frame for first_frame, _ in self.placed()], np.int32)
         _merge(spans, base, starts, frames, words_of(values), offsets, frame, value)
         return Block(first, stop, offsets, frame[:total], bytes_of(value[:total]))
+
+    def _check_frames(self, frame: np.ndarray, frames: int) -> None:
+        """Kernels look cameras up by these numbers."""
+        if len(frame) and frame.max() >= frames:
+            raise _damaged(self.folder or Path(), f"one is of frame {frame.max()} of {frames}")
 
     def block_bounds(self, samples: int = 1 << 21) -> list[tuple[int, int]]:
         """Ranges of texels with about `samples` samples each; they depend on the store alone."""
@@ -425,6 +478,7 @@ class SampleStore:
         for c, (first_frame, chunk) in enumerate(self.placed()):
             frames, values = (chunk.mapped(name) for name in COLUMNS)
             _gather(low[c], high[c], frames, words_of(values), first_frame, cursor, frame, value)
+        self._check_frames(frame, self.frames)
         return Block(0, len(texels), offsets, frame, bytes_of(value))
 
     def map_texels(

@@ -19,6 +19,7 @@ MAPS = {
     "materials": "materials",
     "rho_s": "ρs of the material",
     "alpha": "α of the material (shininess)",
+    "roughness": "roughness of the material, where microfacets describe it",
     "texel_rho_s": "ρs of the texel's own peak",
     "texel_alpha": "α of the texel's own peak",
     "threshold": "luminance threshold",
@@ -104,6 +105,8 @@ def _scalar(scene: Scene, name: str) -> np.ndarray | None:
         return scene.attribute("material_rho_s")
     if name == "alpha":
         return scene.attribute("material_alpha")
+    if name == "roughness":
+        return scene.attribute("material_roughness")
     if name in ("texel_rho_s", "texel_alpha"):
         return scene.attribute(name.removeprefix("texel_"))
     if name == "threshold":

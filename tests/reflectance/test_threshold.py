@@ -106,14 +106,16 @@ def test_permuting_frames_changes_nothing(tmp_path, samples):
     np.testing.assert_allclose(b.threshold, a.threshold, rtol=1e-6)
 
 
-@pytest.mark.parametrize("seen", [MINIMUM_SAMPLES - 1, MINIMUM_SAMPLES])
-def test_fewer_than_eight_samples_are_unobserved(tmp_path, seen):
-    quality = np.zeros((1, F))
+@pytest.mark.parametrize("least", [MINIMUM_SAMPLES, 3])
+@pytest.mark.parametrize("short", [1, 0])
+def test_fewer_samples_than_asked_for_are_unobserved(tmp_path, least, short):
+    quality, seen = np.zeros((1, F)), least - short
     quality[0, :seen] = 127
     s = luminance_threshold(
-        observations_of(tmp_path, np.full((1, F, 3), 99), quality, ball(1), orbit(F))
+        observations_of(tmp_path, np.full((1, F, 3), 99), quality, ball(1), orbit(F)),
+        **({} if least == MINIMUM_SAMPLES else {"minimum_samples": least}),
     )
-    assert s.observed[0] == (seen >= MINIMUM_SAMPLES)
+    assert s.observed[0] == (seen >= least)
     assert s.samples[0] == seen
 
 

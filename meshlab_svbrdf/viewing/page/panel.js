@@ -10,6 +10,13 @@ export const palette = () => Array.from({ length: 256 }, (_, id) => {
   return { id, color: [channel(0), channel(8), channel(4)] };
 });
 
+// The gloss of a material in words: microfacets where they describe it better, else Phong's lobe
+const MODELS = { ggx: "GGX", beckmann: "Beckmann" };
+function glossWords({ observed, rho_s, alpha, reflectance }) {
+  if (reflectance) return `${MODELS[reflectance.model]}, roughness ${number(reflectance.roughness)}`;
+  return observed ? `ρs ${number(rho_s)}, α ${number(alpha)}` : "unobserved";
+}
+
 // A cluster in the list; does: select(id, more), rename(id, name)
 export function clusterRow(cluster, selected, does) {
   const row = document.createElement("li"), gloss = cluster.gloss;
@@ -28,9 +35,10 @@ export function clusterRow(cluster, selected, does) {
   name.addEventListener("change", () => does.rename(cluster.id, name.value));
   name.addEventListener("keydown", (event) => { if (event.key === "Enter") name.blur(); });
   name.addEventListener("click", (event) => event.stopPropagation());
-  const shown = !gloss ? `${(100 * cluster.share).toFixed(1)} %` : gloss.observed ? `ρs ${number(gloss.rho_s)}  α ${number(gloss.alpha)}` : "gloss unobserved";
+  const known = gloss?.observed || gloss?.reflectance;
+  const shown = !gloss ? `${(100 * cluster.share).toFixed(1)} %` : known ? glossWords(gloss) : "gloss unobserved";
   const right = cell("gloss", shown);
-  right.title = `${cluster.texels.toLocaleString()} texels, ${(100 * cluster.share).toFixed(1)} %${gloss && !gloss.observed ? `: ${gloss.reason}` : ""}`;
+  right.title = `${cluster.texels.toLocaleString()} texels, ${(100 * cluster.share).toFixed(1)} %${gloss && !known ? `: ${gloss.reason}` : ""}`;
   row.append(swatch, cell("id", cluster.id), name, right);
   row.addEventListener("click", (event) => does.select(cluster.id, event.ctrlKey || event.shiftKey || event.metaKey));
   return row;
@@ -52,9 +60,16 @@ export function numberRows(found, own) {
     rows.push(term, value);
   };
   if (own) row("cluster", `${own.texels.toLocaleString()} texels, ${(100 * own.share).toFixed(1)} %`);
-  if (own?.gloss) row("material", own.gloss.observed ? `ρs ${number(own.gloss.rho_s)}, α ${number(own.gloss.alpha)}` : "unobserved");
+  const facets = own?.gloss?.reflectance;
+  if (own?.gloss) row("material", glossWords(own.gloss));
+  if (facets) {
+    row("F₀, strength", `${number(facets.f0)}, ${number(facets.strength)}`);
+    row("colour of the highlight", facets.color.map((x) => number(x)).join("  "));
+    row("better than Phong's lobe by", `${number(facets.gain_db, 2)} dB`);
+    if (own.gloss.observed) row("as Phong's lobe", `ρs ${number(own.gloss.rho_s)}, α ${number(own.gloss.alpha)}`);
+  }
   if (own?.gloss?.explained_variance != null) row("variance explained", `${(100 * own.gloss.explained_variance).toFixed(1)} %`);
-  if (own?.gloss && !own.gloss.observed) {
+  if (own?.gloss && !own.gloss.observed && !facets) {
     const why = document.createElement("dd");
     why.className = "wide";
     why.textContent = own.gloss.reason;
