@@ -17,6 +17,8 @@ TRIANGLES = 10_000_000
 SIZE = "compute_svbrdf_texels.texture_size"
 SURFACES = 100_000, 400_000  # triangles
 FACES_SIZE = 256  # of the texture where triangles are counted
+RETURNED = {"MALLOC_MMAP_THRESHOLD_": "1000000"}
+"""Arrays that a stage lets go of do not count in the next one's peak (glibc)."""
 DIRECTIONS = 64  # rays a vertex there: their time is a line, their memory the same
 
 
@@ -40,15 +42,16 @@ def huge(
         for size in (texture_size // 2, texture_size):
             say(f"{frames} frames, {size}×{size}")
             runs.append(measure(
-                "chain", project=str(workload.first(frames)), output=str(place / "run"),
-                estimator=estimator, preset=preset, settings={SIZE: str(size)}, warm=False,
+                "chain", None, RETURNED, project=str(workload.first(frames)),
+                output=str(place / "run"), estimator=estimator, preset=preset,
+                settings={SIZE: str(size)}, warm=False,
             ))  # fmt: skip
             shutil.rmtree(place / "run")
         surfaces = []
         for count in SURFACES:
             say(f"a surface of {count:,} triangles")
             surfaces.append(measure(
-                "surface", folder=str(place), triangles=count, size=FACES_SIZE,
+                "surface", None, RETURNED, folder=str(place), triangles=count, size=FACES_SIZE,
                 directions=DIRECTIONS,
             ))  # fmt: skip
     finally:

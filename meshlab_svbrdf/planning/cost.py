@@ -76,11 +76,13 @@ BY_COLOR = Rate(0.0, {"texels": 4.0})
 """Of MATERIALS where no highlights are compared."""
 UNFITTED = Rate(0.5, {"once": 0.5, "texels": 2.0, "samples": 0.05})
 """Of GLOSS where nothing is fitted."""
-PROGRAM_BYTES, MATERIAL_BYTES, TEXEL_BYTES, FITTED_BYTES = 250e6, 1620.0, 400.0, 60.0
+PROGRAM_BYTES, MATERIAL_BYTES, TEXEL_BYTES, FITTED_BYTES = 250e6, 1620.0, 430.0, 60.0
 """Of memory: of the program; per texel, while materials grow and else; per fitted sample."""
 GROWN_TEXELS = 1e6
 """Materials grow on no more than these (`reflectance.materials.segment_surface`)."""
-MESH_BYTES = 900.0
+LABEL_BYTES = 100.0
+"""Of memory, per texel of all, meanwhile."""
+MESH_BYTES = 1640.0
 """Of memory, per vertex, while charts are checked and rays are shot."""
 RESULT_BYTES, VERTEX_BYTES, MAP_BYTES = 300.0, 300.0, 5e6
 """On disk: per texel, per vertex, and of the environment map."""
@@ -146,7 +148,7 @@ def memory_bytes(work: Work, held: int) -> float:
     projecting += 3 * work.cores * frame  # sampled ahead, and while they are
     fitting = FITTED_BYTES * min(work.samples, work.fitted)
     at_texels = TEXEL_BYTES * work.texels + max(projecting, fitting)
-    growing = MATERIAL_BYTES * min(work.texels, GROWN_TEXELS) + TEXEL_BYTES / 2 * work.texels
+    growing = MATERIAL_BYTES * min(work.texels, GROWN_TEXELS) + LABEL_BYTES * work.texels
     return PROGRAM_BYTES + max(at_texels, growing, MESH_BYTES * work.vertices)
 
 
