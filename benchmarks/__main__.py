@@ -11,8 +11,10 @@
     python -m benchmarks relighting               other light, and the time of a picture
     python -m benchmarks stability [--scene extremes|files|guards|…]
     python -m benchmarks materials [--scene …]    areas of one material, found and edited by hand
+    python -m benchmarks hdr                      8 bits, 16, floats, brackets
     python -m benchmarks sequences                few photographs or many small frames
     python -m benchmarks page                     how long the page of `view` lets one wait
+    python -m benchmarks cluster                  workers, bytes moved, 10,000 objects on paper
     python -m benchmarks --all --docs             everything, into the documentation
 
 Scenes are rendered once into the cache. Every row is kept in --out as soon as it is there; the same
@@ -37,7 +39,9 @@ from meshlab_svbrdf.threads import quieten_blas
 from . import (
     ablation,
     accuracy,
+    cluster,
     export,
+    hdr,
     materials,
     page,
     performance,
@@ -58,7 +62,7 @@ from .stability import part as stability
 SLOW = "mitsuba"  # this peer is compared over time, on one scene
 _PARTS = (
     accuracy, timing, ablation, photographs, performance, registration, export, relighting,
-    stability, materials, page, sequences,
+    stability, materials, page, hdr, cluster, sequences,
 )  # fmt: skip
 PARTS = {part.PART: part for part in _PARTS}
 
@@ -134,9 +138,14 @@ def wanted(arguments: argparse.Namespace, ledger: Ledger) -> tuple[list[Task], l
     if relighting.PART in parts:
         tasks += relighting.tasks(ledger, cases([LONG]), size or 1024, arguments.cache)
     if stability.PART in parts:
-        tasks += stability.tasks(arguments.scene)
+        films, missing = available(stability.FILMS, arguments.cache)
+        tasks += stability.tasks(arguments.scene, films)
+        if not arguments.scene or stability.HONEST in arguments.scene:
+            notes.extend(missing)
     if materials.PART in parts:
         tasks += materials.tasks(ledger, cases([SAMPLE, *SCENES, LONG]), size or 512)
+    if hdr.PART in parts:
+        tasks += hdr.tasks(ledger, arguments.cache)
     if sequences.PART in parts:
         films = sequences.cases(cases([LONG]), arguments.cache)
         tasks += sequences.tasks(films, size or 512)
@@ -144,6 +153,10 @@ def wanted(arguments: argparse.Namespace, ledger: Ledger) -> tuple[list[Task], l
         found, missing = page.tasks(
             min(arguments.frames, page.FRAMES), size or page.TEXELS, arguments.cache
         )
+        tasks += found
+        notes.extend(missing)
+    if cluster.PART in parts:
+        found, missing = cluster.tasks(arguments.frames, size or 1024, arguments.cache)
         tasks += found
         notes.extend(missing)
     return tasks, list(dict.fromkeys(notes))

@@ -9,7 +9,9 @@ from meshlab_svbrdf.presets import PRESETS
 from . import (
     ablation,
     accuracy,
+    cluster,
     export,
+    hdr,
     materials,
     page,
     performance,
@@ -29,8 +31,10 @@ PAGE, README = ROOT / "docs" / "accuracy.md", ROOT / "README.md"
 SPEED, CAMERAS = ROOT / "docs" / "performance.md", ROOT / "docs" / "registration.md"
 RELIT = {"relighting": ROOT / "docs" / "albedo.md", "rendering": ROOT / "docs" / "rendering.md"}
 STABILITY = ROOT / "docs" / "stability.md"
+HDR = ROOT / "docs" / "hdr.md"
 MATERIALS, VIEW = ROOT / "docs" / "materials.md", ROOT / "docs" / "view.md"
 PICTURE = ROOT / "docs" / "images" / "accuracy_time.png"
+SCALING = ROOT / "docs" / "scaling.md"
 EXPORT = ROOT / "docs" / "export.md"
 EXPORT_PICTURE = ROOT / "docs" / "images" / "export.png"
 SEQUENCES = ROOT / "docs" / "sequences.md"
@@ -58,7 +62,7 @@ def write_documents(rows: Mapping[str, Sequence[Row]]) -> None:
     if own := rows.get(export.PART):
         splice(EXPORT, export.PART, "\n\n".join(each.markdown() for each in export.tables(own)))
         export.picture(own, EXPORT_PICTURE)
-    for part, path in ((materials, MATERIALS), (page, VIEW)):
+    for part, path in ((materials, MATERIALS), (page, VIEW), (hdr, HDR), (cluster, SCALING)):
         if own := rows.get(part.PART):
             splice(path, part.PART, "\n\n".join(each.markdown() for each in part.tables(own)))
     if own := rows.get(performance.PART):

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from meshlab_svbrdf.document.coding import Coding
 from meshlab_svbrdf.document.document import Document
 from meshlab_svbrdf.document.frames import Frames
 from meshlab_svbrdf.document.freshness import split_labels
@@ -105,7 +106,8 @@ def compare_frames(
     clusters = matte(mesh, document.map("materials_shown", "png"))
     told = document.json("frames")
     fit = gain == "fit" or (gain == "auto" and (told["gains_fitted"] or told["exposure"] != "none"))
-    frames, held = Frames(list(rasters)), {raster.label for raster in document.held_out}
+    frames = Frames(list(rasters), Coding.told(told))
+    held = {raster.label for raster in document.held_out}
     back = float(decode(np.array(grey / 255)))
     for raster in rasters:
         camera, frame = raster.camera, frames.read(raster)

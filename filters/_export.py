@@ -51,6 +51,7 @@ class Package(NamedTuple):
     made : one per texture; tangents : (F, 3, 4), normals : (H, W, 3) uint8 per texture, green up;
         both None where the mesh's own normals are all there is
     shaded : whether the colour is shown unlit; jpeg : whether glTF's is stored so
+    tiles : the textures' numbers, where they are UDIM tiles
     """
 
     name: str
@@ -63,10 +64,12 @@ class Package(NamedTuple):
     ambient: np.ndarray
     shaded: bool
     jpeg: bool
+    tiles: list[int]
 
     def stem(self, texture: int) -> str:
         """What a texture's files begin with."""
-        return self.name if texture == 0 else f"{self.name}_{texture}"
+        number = self.tiles[texture] if self.tiles else texture
+        return f"{self.name}_{number}" if number else self.name
 
 
 def normal_maps(

@@ -10,7 +10,6 @@ import numpy as np
 
 from meshlab_svbrdf.document.document import Document
 from meshlab_svbrdf.document.frames import Frames
-from meshlab_svbrdf.document.images import read_mask, reduced
 from meshlab_svbrdf.document.project import RasterEntry
 from meshlab_svbrdf.document.space import free_bytes, in_words, memory_bytes_free
 from meshlab_svbrdf.errors import SvbrdfError
@@ -29,6 +28,8 @@ from meshlab_svbrdf.samples.capture import (
 )
 from meshlab_svbrdf.samples.choose_frames import choose_frames, run_order
 
+from ._brackets import Shots, find_brackets, read_reduced_mask
+
 FEWEST = 8  # frames of a sequence that no spacing goes below: fewer samples observe no texel
 TRIED = 8  # frames whose texels are counted, to know what all will need
 
@@ -40,6 +41,7 @@ class Choice:
     order : by label, a frame's place for runs of peaks
     left_out : by label, why
     said : what the outcome says of it, or ""
+    brackets : by label of the first, the rasters that are merged to it, and their exposures
     """
 
     rasters: list[RasterEntry]
@@ -47,17 +49,30 @@ class Choice:
     order: dict[str, int]
     left_out: dict[str, str]
     said: str
+    brackets: dict[str, Shots]
 
 
 def choose(document: Document, parameters: Namespace, mesh: Mesh) -> Choice:
     """The frames that compute_svbrdf_samples uses with these parameters: by geometry alone."""
     sequences = list(dict.fromkeys(r.sequence for r in document.project.rasters))
+
+    # Take each view once
+    found = find_brackets(document.project.rasters) if parameters.brackets == "auto" else []
+    held_out = {raster.label for raster in document.held_out}
+    merged = {r.label: f"merged to {shots[0][0].label}" for shots in found for r, _ in shots[1:]}
+    for shots in found:
+        labels = {raster.label for raster, _ in shots}
+        if labels & held_out:
+            merged |= dict.fromkeys(labels - held_out, "another exposure of its view is held out")
+    brackets = {shots[0][0].label: shots for shots in found}
+
     places: dict[str, int] = {}
     seen_so_far = dict.fromkeys(sequences, 0)
     for raster in document.project.rasters:
         places[raster.label] = seen_so_far[raster.sequence]
-        seen_so_far[raster.sequence] += 1
-    rasters = sorted(document.rasters, key=lambda r: sequences.index(r.sequence))
+        seen_so_far[raster.sequence] += raster.label not in merged
+    views = [raster for raster in document.rasters if raster.label not in merged]
+    rasters = sorted(views, key=lambda r: sequences.index(r.sequence))
 
     # Use every n-th
     nth = parameters.step
@@ -83,7 +98,10 @@ def choose(document: Document, parameters: Namespace, mesh: Mesh) -> Choice:
             order |= zip(own, run_order([order[label] for label in own]).tolist(), strict=True)
         said += ", spread evenly"
     said += f": {len(left_out)} are left out" if said else ""
-    return Choice(rasters, sequences, order, left_out, said)
+    used = {raster.label for raster in rasters}
+    brackets = {label: shots for label, shots in brackets.items() if label in used}
+    left_out |= {label: why for label, why in merged.items() if label not in held_out}
+    return Choice(rasters, sequences, order, left_out, said, brackets)
 
 
 def reduction(parameters: Namespace, mesh: Mesh, side: int, cameras: list[Camera]) -> int:
@@ -100,12 +118,7 @@ def read_reduced(
 
     Raises DocumentError where they cannot be read.
     """
-    image = frames.read(raster, reduce)
-    if raster.mask is None:
-        return image, None
-    size = (raster.camera.width, raster.camera.height)
-    mask = read_mask(raster.mask, label=raster.label, size=size)
-    return image, reduced(255 * mask.astype(np.uint8), reduce) == 255
+    return frames.read(raster, reduce), read_reduced_mask(raster, reduce)
 
 
 def frame_sampler(
@@ -128,22 +141,23 @@ def frame_sampler(
 
 
 def check_space(
-    folder: Path | None, sampler: FrameSampler, cameras: list[Camera], memory: int
+    folder: Path | None, sampler: FrameSampler, cameras: list[Camera], memory: int, bits: int = 8
 ) -> None:
     """Refuse, before anything is made, what the disk of `folder` (None: memory) cannot hold.
 
     memory : bytes of samples that are held before a chunk is written
+    bits : of a sample's values
     """
     texels, frames = len(sampler.texels), len(cameras)
     free = memory_bytes_free() if folder is None else free_bytes(folder)
-    if store_bytes(texels * frames, texels, frames, memory) <= free:
+    if store_bytes(texels * frames, texels, frames, memory, bits) <= free:
         return  # though every frame saw every texel
     some = choose_frames(cameras, sampler.texels.center, sampler.texels.radius, TRIED)
     seen = 0
     for camera in [cameras[k] for k in some]:
         blank = np.zeros((camera.height, camera.width, 3), np.uint8)
         seen += len(sampler.sample(camera, blank)[0])
-    needed = store_bytes(seen / max(len(some), 1) * frames, texels, frames, memory)
+    needed = store_bytes(seen / max(len(some), 1) * frames, texels, frames, memory, bits)
     if needed > free:
         what = f"the samples of {frames} frames at {texels:,} texels need about {in_words(needed)}"
         fewer = (

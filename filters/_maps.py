@@ -4,33 +4,46 @@ from __future__ import annotations
 
 import numpy as np
 
+from meshlab_svbrdf.blocks import blocks
 from meshlab_svbrdf.document.document import Document
 from meshlab_svbrdf.geometry.gutters import fill_gutters
 from meshlab_svbrdf.geometry.texels import Texels
 from meshlab_svbrdf.rendering.colors import viridis
 from meshlab_svbrdf.samples.luminance import to_srgb8
 
-from ._stages import UNOBSERVED_GREY
+from ._stages import UNOBSERVED_GREY, share
+
+TOO_BRIGHT = 0.001
+"""Of the texels: that so many are clipped in the 8-bit texture is not worth a word."""
 
 
 def set_texture(document: Document, name: str, texels: Texels, colors: np.ndarray) -> None:
     """maps/NAME.png of 8-bit colours (T, 3), gutters filled."""
-    inside = texels.to_images(np.ones(len(texels), bool), False)
-    images = texels.to_images(colors, 0)
+    inside = texels.images(np.ones(len(texels), bool), False)
+    images = texels.images(colors, 0)
     document.set_map(
-        name, [fill_gutters(i, m) for i, m in zip(images, inside, strict=True)], kind="png"
+        name, (fill_gutters(i, m) for i, m in zip(images, inside, strict=True)), kind="png"
     )
 
 
-def set_diffuse_maps(document: Document, texels: Texels, diffuse: np.ndarray) -> None:
-    """diffuse.exr and .png, and valid.png, of D (T, 3) in 0..100; unobserved is grey in the PNG."""
+def set_diffuse_maps(document: Document, texels: Texels, diffuse: np.ndarray) -> list[str]:
+    """diffuse.exr and .png, and valid.png, of D (T, 3) in 0..100; unobserved is grey in the PNG.
+
+    What is to be said of texels brighter than a PNG shows, if any.
+    """
     linear = (diffuse / 100).astype(np.float32)
     observed = np.asarray(np.isfinite(linear).all(axis=1))
-    document.set_map("diffuse", texels.to_images(linear))
-    colors = np.where(observed[:, None], to_srgb8(linear), np.uint8(UNOBSERVED_GREY))
+    document.set_map("diffuse", texels.images(linear))
+    colors = np.full(linear.shape, UNOBSERVED_GREY, np.uint8)
+    for own in blocks(len(linear)):
+        colors[own][observed[own]] = to_srgb8(linear[own][observed[own]])
     set_texture(document, "diffuse", texels, colors)
     valid = np.where(observed, np.uint8(255), np.uint8(0))
-    document.set_map("valid", texels.to_images(valid, np.uint8(0)), kind="png")
+    document.set_map("valid", texels.images(valid, np.uint8(0)), kind="png")
+    brighter = np.asarray(linear.max(axis=1) > 1)
+    if brighter.sum() <= TOO_BRIGHT * observed.sum():
+        return []
+    return [f"{share(brighter)} of the texels exceed 1: clipped in the PNG, not in the EXR"]
 
 
 def set_scalar_map(
@@ -43,13 +56,15 @@ def set_scalar_map(
     logarithmic: bool = False,
 ) -> None:
     """maps/NAME.exr of (T,), NaN where unobserved, and a coloured layer `map: SHOWN`."""
-    document.set_map(name, texels.to_images(values.astype(np.float32)))
+    document.set_map(name, texels.images(values.astype(np.float32)))
     known = np.isfinite(values)
     scale = np.log(np.maximum(values, 1e-6)) if logarithmic else values
     low, high = np.quantile(scale[known], [0.01, 0.99]) if known.any() else (0.0, 1.0)
     if high - low < 1e-6 * max(abs(high), 1e-6):
         low, high = low - 0.5, high + 0.5
-    share = (np.where(known, scale, low) - low) / (high - low)
-    colors = np.where(known[:, None], viridis(share), np.uint8(UNOBSERVED_GREY))
+    colors = np.full((len(values), 3), UNOBSERVED_GREY, np.uint8)
+    for own in blocks(len(values)):
+        place = (scale[own] - low) / (high - low)
+        colors[own][known[own]] = viridis(place[known[own]])
     set_texture(document, name, texels, colors)
     document.show_map(shown, name)

@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 
 from meshlab_svbrdf.document.document import Document
-from meshlab_svbrdf.document.images import texture_files
 from meshlab_svbrdf.document.layers import Layer
 from meshlab_svbrdf.document.mesh_files import MeshFile
 from meshlab_svbrdf.errors import SvbrdfError
@@ -62,7 +61,7 @@ def set_labels(document: Document, texels: Texels, labels: np.ndarray) -> str:
     count = int(labels.max(initial=-1)) + 1
     kind, none = (np.uint8, 255) if count <= 255 else (np.uint16, 65535)
     ids = np.where(labels >= 0, labels, none).astype(kind)
-    document.set_map("material", texels.to_images(ids, none), kind="png")
+    document.set_map("material", texels.images(ids, none), kind="png")
 
     # Show the clusters in distinct colours
     used = np.unique(labels[labels >= 0])
@@ -72,8 +71,7 @@ def set_labels(document: Document, texels: Texels, labels: np.ndarray) -> str:
     layer = document.object_layer()
     mesh = document.mesh()
     local = replace(layer.read().mesh, uv=mesh.uv, texture_index=mesh.texture_index)
-    shown = document.folder / "maps" / "materials_shown.png"
-    textures = tuple(texture_files(shown, len(texels.sizes)))
+    textures = tuple(document.map_places("materials_shown", len(texels.sizes), "png"))
     document.set_layer(
         Layer("materials", None, layer.matrix, False, MeshFile(mesh=local, textures=textures))
     )

@@ -8,6 +8,7 @@ from typing import Any
 import cv2
 import numpy as np
 
+from meshlab_svbrdf.document.deep_images import kind_of
 from meshlab_svbrdf.document.document import Document
 from meshlab_svbrdf.document.exposure import read_exposure
 from meshlab_svbrdf.document.footage import Clip, ClipFrames
@@ -137,6 +138,11 @@ def stage_undistorted(
         if clip.is_video or lens is None or not frame.used:
             continue
         file = clip.files[k]
+        if kind_of(file) != "8":
+            raise SvbrdfError(
+                f"{file}: frames of more than 8 bits are not undistorted here: undistort them "
+                "first, for instance with OpenCV, and register them without lens distortion"
+            )
         path = document.staged_file(undistorted_entry(clip.source, file))
         write_jpeg(path, frames[k])
         mask = mask_beside(file)

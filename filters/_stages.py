@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,13 +20,16 @@ from ._samples import read_samples
 UNOBSERVED_GREY = 118  # sRGB code of the texture where nothing was observed
 
 
-def read_observations(
-    document: Document, *, visibility: bool = True, rays: bool = False
-) -> Observations:
-    """The samples with their frames' cameras and gains, and the visibility.
+class _Surface(NamedTuple):
+    """What is held of the texels' surface: its shape, how fast its normals turn, its rays."""
 
-    rays : also with the mesh to shoot shadow rays at
-    """
+    shape: np.ndarray
+    turn: np.ndarray
+    rays: Rays
+
+
+def read_observations(document: Document, *, visibility: bool = True) -> Observations:
+    """The samples with their frames' cameras and gains, and the visibility."""
     mesh, told = document.mesh(), document.json("frames")
     rasters = {raster.label: raster for raster in document.rasters}
     used = [rasters[frame["label"]] for frame in told["frames"] if "samples" in frame]
@@ -39,7 +43,6 @@ def read_observations(
         coefficients=coefficients if len(coefficients) else None,
         sequence=document.array("samples_sequence"),
         order=document.array("samples_order"),
-        rays=Rays(mesh) if rays else None,
     )
 
 
@@ -47,13 +50,18 @@ def read_curved_observations(
     document: Document, *, rays: bool = False
 ) -> tuple[Observations, np.ndarray]:
     """The samples with the surface's shape, and how fast the normals turn (T,), radians per radius:
-    what a joint fit takes."""
-    observations = read_observations(document, rays=rays)
-    texels, shape = observations.texels, document.held("texels")
-    if shape is None:
+    what a joint fit takes.
+
+    rays : also with the mesh to shoot shadow rays at
+    """
+    observations = read_observations(document)
+    texels, surface = observations.texels, document.held("texels")
+    if surface is None:
         shape = surface_shape(texels.position, texels.normal)
-        document.hold("texels", shape)
-    return replace(observations, shape=shape), steepest_turn(shape) * texels.radius
+        surface = _Surface(shape, steepest_turn(shape) * texels.radius, Rays(document.mesh()))
+        document.hold("texels", surface)
+    held = surface.rays if rays else None
+    return replace(observations, shape=surface.shape, rays=held), surface.turn
 
 
 def read_statistics(document: Document) -> LuminanceStatistics:

@@ -57,5 +57,5 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
         progress=counted(progress, "texels"),
     )  # fmt: skip
     document.set_attribute("diffuse", diffuse)
-    set_diffuse_maps(document, document.texels(), diffuse)
-    return f"{share(np.isfinite(diffuse[:, 0]))} of the texels"
+    notes = set_diffuse_maps(document, document.texels(), diffuse)
+    return "; ".join([f"{share(np.isfinite(diffuse[:, 0]))} of the texels", *notes])

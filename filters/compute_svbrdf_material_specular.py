@@ -49,7 +49,7 @@ FILTER = Filter(
             "than .1 % or a tenth of its error.",
         ),
         Parameter(
-            "samples", "int", 1_500_000, minimum=10_000,
+            "samples", "int", 750_000, minimum=10_000,
             help="About how many samples the joint fit holds in memory, about 60 bytes each.",
         ),
         Parameter(
@@ -171,11 +171,11 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
 
     # Write maps, materials and lights; the maps hold what is seen, as under compact lamps
     seen = np.array([as_seen(m.rho_s, m.alpha, lights) for m in materials] + [(np.nan, np.nan)])
-    rho_s, alpha = seen[dense].astype(np.float32).T / [[100], [1]]
+    rho_s, alpha = ((seen / [100, 1]).astype(np.float32)[:, k][dense] for k in (0, 1))
     document.set_attribute("final_diffuse", diffuse)
     document.set_attribute("material_rho_s", rho_s)
     document.set_attribute("material_alpha", alpha)
-    set_diffuse_maps(document, texels, diffuse)
+    notes = [*notes, *set_diffuse_maps(document, texels, diffuse)]
     set_scalar_map(document, "rho_s", texels, rho_s, shown="rho_s")
     set_scalar_map(document, "alpha", texels, alpha, shown="shininess", logarithmic=True)
     if any(microfacets):

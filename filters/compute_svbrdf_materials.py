@@ -23,7 +23,8 @@ FILTER = Filter(
     parameters=(
         Parameter(
             "image", "path", "",
-            help="An image in UV space, for the first texture; NAME.1.png … for others. Its grey "
+            help="An image in UV space, for the first texture; NAME.1.png … for others, or one of "
+            "NAME.1001.png, NAME.1002.png … where they are UDIM tiles. Its grey "
             "values are the materials' ids (255, or 65535 in 16 bits, is none), or its colours "
             "are told apart (ids from 0). Empty: automatic.",
         ),
@@ -65,7 +66,8 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
     texels = document.texels()
     if parameters.image is not None:
         path = parameters.image
-        images = [read_image(name) for name in texture_files(path, len(texels.sizes))]
+        files = texture_files(path, len(texels.sizes), document.tiles())
+        images = [read_image(name) for name in files]
         labels, table = from_image(images, texels.texture, texels.row, texels.col, texels.sizes)
         if table.ndim == 1:  # grey values are ids, and stay
             labels = np.where(labels >= 0, np.append(table.astype(np.int32), -1)[labels], -1)

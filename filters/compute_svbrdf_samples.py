@@ -11,17 +11,23 @@ from meshlab_svbrdf.filter import Filter, Namespace, Parameter
 from meshlab_svbrdf.progress import Progress
 from meshlab_svbrdf.samples.gains import frame_gains, gain_spread
 from meshlab_svbrdf.samples.observations import observe
+from meshlab_svbrdf.samples.radiance_code import LARGEST
 from meshlab_svbrdf.samples.steadiness import light_steadiness
+from meshlab_svbrdf.samples.transfer import TRANSFERS
 
+from ._coding import how_frames_are_coded, with_white
 from ._frames import choose, median_step, reduction
 from ._outlines import look_at_outlines
 from ._samples import project_frames
 from ._stages import counted, share
 
 VARYING = 0.03  # robust spread of ln gain; a locked exposure leaves .003
-CHANGED, CHANGED_TIMES = 0.06, 3.5
-"""Of ln brightness, and of what every other frame differs: a lamp 30 % weaker halfway makes .09 and
-3.9; under steady light .03 and 3.3 at most, and of gold, whose gloss is its colour, .27 and 2.9."""
+CHANGED = 0.04
+"""Of ln brightness of one side over the other: .02 at most under steady light, .05 to .3 where
+what faces one way gets 30 % less from the middle on (docs/stability.md)."""
+FICKLE = 0.06
+"""Of ln brightness from frame to frame: texels that change more are all gloss, and tell nothing of
+the light. Gold has .1, other films up to .03."""
 STILLS = 5.0  # degrees between neighbouring cameras from which frames are no video
 
 FILTER = Filter(
@@ -29,7 +35,7 @@ FILTER = Filter(
     title="SVBRDF: samples",
     needs=("mesh", "rasters", "texels"),
     writes=("samples",),
-    version=3,
+    version=4,
     parameters=(
         Parameter(
             "exposure", "enum", "auto", choices=("auto", "exif", "raster", "none"),
@@ -42,6 +48,29 @@ FILTER = Filter(
             help="Divides frames by a gain per channel, fitted from the texels that they share. "
             '"auto" does so where their brightness or white balance varies by more than 3 %, and '
             "says it.",
+        ),
+        Parameter(
+            "transfer", "enum", "auto", choices=("auto", *TRANSFERS, "estimate"),
+            help="What the numbers of coded frames (8 and 16 bits, videos) say of light: sRGB, "
+            "linear, Rec. 709, PQ, HLG, or a camera's log curve. auto: PQ, HLG and linear light "
+            "where a video's tags say so, else sRGB. estimate: measured from exposures of the "
+            "same views. OpenEXR, Radiance HDR and TIFF of floats are linear light in any case.",
+        ),
+        Parameter(
+            "clip", "float", 0.0, minimum=0.0, maximum=LARGEST,
+            help="From where on a channel may have been brighter: of coded frames the signal, "
+            "0..1, of floats the light. 0: the last codes of coded frames, and no floats.",
+        ),
+        Parameter(
+            "brackets", "enum", "auto", choices=("auto", "none"),
+            help="Merges rasters of one sequence that have the same camera and different exposures "
+            "(svbrdf_exposure, or EXIF) to one view, in linear light.",
+        ),
+        Parameter(
+            "white", "float", 0.0, minimum=0.0, maximum=LARGEST,
+            help="The light that results call 1, in the frames' own units. 0: 1 where the "
+            "brightest diffuse texels lie in .05 to 1 then, as those of 8-bit sRGB do, else the "
+            "power of two above them.",
         ),
         Parameter(
             "unreadable", "enum", "stop", choices=("stop", "skip"),
@@ -92,8 +121,8 @@ FILTER = Filter(
     ),
     help="Projects every frame to the texels: depth test, quality (distance to depth jumps, "
     "nearness, angle), colour interpolated in linear light. Frames are streamed, one after the "
-    "other; the samples go to the sample store, 5 bytes each. Frames that an earlier run has "
-    "projected alike are not projected again.",
+    "other; the samples go to the sample store, 5 bytes each, or 9 of frames with more than 8 "
+    "bits. Frames that an earlier run has projected alike are not projected again.",
     reference="Palma et al. 2012, §4; Callieri et al. 2008",
 )  # fmt: skip
 
@@ -102,10 +131,19 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
     mesh = document.mesh()
     choice = choose(document, parameters, mesh)
     sequences = choice.sequences
-    rasters, unreadable = _readable(choice.rasters, parameters.unreadable)
+    shots = [shot for own in choice.brackets.values() for shot, _ in own[1:]]
+    found, unreadable = _readable([*choice.rasters, *shots], parameters.unreadable)
+    rasters = [raster for raster in choice.rasters if raster in found]
     left_out = choice.left_out | unreadable
     if not rasters:
         raise SvbrdfError("no frame is left to sample")
+
+    # See how their numbers stand for light
+    brackets = {
+        label: [(raster, exposure) for raster, exposure in own if raster in found]
+        for label, own in choice.brackets.items()
+    }
+    deep, coded = how_frames_are_coded(mesh, found, brackets, parameters)
 
     # Project them
     texels = document.texels()
@@ -114,7 +152,7 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
     in_memory = parameters.store == "memory"
     store = project_frames(
         document, mesh, texels, rasters, parameters, reduce,
-        None if in_memory else document.staged_folder("samples"),
+        None if in_memory else document.staged_folder("samples"), deep,
         counted(progress.part(0, 0.9), "frames"),
     )  # fmt: skip
     if in_memory:
@@ -132,16 +170,17 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
     # Bring the frames to one exposure
     exposure, source = _exposures(rasters, parameters.exposure)
     progress(0.92, "comparing the frames' brightness")
-    observations = observe(texels, store, cameras, mesh.faces, gains=exposure)
+    deep, white, levels = with_white(deep, store, exposure, parameters.white)
+    observations = observe(texels, store, cameras, mesh.faces, gains=white * exposure)
     fitted, residual = frame_gains(observations)
     spread = gain_spread(fitted)
     use = parameters.gains == "fit" or (parameters.gains == "auto" and spread > VARYING)
     gain = exposure[:, None] * (np.where(np.isfinite(fitted), fitted, 1.0) if use else 1.0)
     gain = np.broadcast_to(gain / np.median(gain), (len(rasters), 3))
     step = median_step(cameras, [r.sequence for r in rasters], texels.center)
-    steady = light_steadiness(observations, gain[:, 1])
+    steady = light_steadiness(observations, gain[:, 1] / exposure)
 
-    document.set_array("samples_gain", gain)
+    document.set_array("samples_gain", white * gain)
     document.set_array(
         "samples_sequence", np.array([sequences.index(r.sequence) for r in rasters], np.int32)
     )
@@ -153,6 +192,7 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
         {
             "exposure": source,
             "reduce": reduce,
+            "coding": None if deep is None else deep.coding.to_json(),
             "gains_fitted": use,
             "gain_spread": spread,
             "median_step_degrees": step,
@@ -164,6 +204,7 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
                     "label": raster.label, "sequence": raster.sequence, "gain": gain[k],
                     "samples": int(store.seen[k]), "residual": residual[k],
                     "quality": store.quality[k],
+                    "merged": [[r.label, e] for r, e in brackets.get(raster.label, ())],
                 }
                 for k, raster in enumerate(rasters)
             ]
@@ -177,6 +218,8 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
         f"{share(counts > 0)} of the texels seen",
     ]
     said += [f"frames reduced to 1/{reduce}: texels are coarser"] if reduce > 1 else []
+    said += [coded] if coded else []
+    said += levels
     said += [f"exposure: {source}"] if source != "none" else []
     if spread > VARYING:
         said.append(
@@ -186,11 +229,11 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
     if step > STILLS:
         said.append(f"stills, {step:.0f}° apart")
     said += [misfit] if misfit else []
-    if steady and steady.halves > max(CHANGED, CHANGED_TIMES * steady.turns):
+    if not misfit and steady and steady.turns < FICKLE and steady.sides > CHANGED:
         said.append(
-            f"the second half of the frames shows the same places {steady.halves:.0%} brighter or "
-            f"darker than the first, every other frame {steady.turns:.0%}: the light changed "
-            "between, or something else moved; use frames of one light"
+            f"in the second half of the frames one side of the object is "
+            f"{np.expm1(steady.sides):.0%} brighter than in the first, next to the other side: the "
+            "light changed between; use frames of one light"
         )
     if unreadable:
         said.append(f"left out, unreadable: {', '.join(unreadable)}")

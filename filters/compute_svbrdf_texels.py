@@ -14,10 +14,12 @@ from meshlab_svbrdf.geometry.mesh import Mesh
 from meshlab_svbrdf.geometry.normal_maps import apply_normal_map
 from meshlab_svbrdf.geometry.parametrise import parametrise
 from meshlab_svbrdf.geometry.texels import rasterise_texels
+from meshlab_svbrdf.geometry.udim import split_tiles
 from meshlab_svbrdf.geometry.uv_checks import check_uv
 from meshlab_svbrdf.progress import Progress
 
 OVERLAP_MOST = 0.05
+MOST_TEXTURES = 256  # a byte tells a texel's
 
 FILTER = Filter(
     name="compute_svbrdf_texels",
@@ -37,7 +39,8 @@ FILTER = Filter(
         Parameter(
             "normal_map", "path", "",
             help="Image of the surface's detail, for the first texture; further textures' images "
-            "are NAME.1.png, NAME.2.png … beside it. Empty: the mesh's own normals.",
+            "are NAME.1.png, NAME.2.png … beside it, or of UDIM tiles NAME.1001.png, "
+            "NAME.1002.png …, one of which is given. Empty: the mesh's own normals.",
         ),
         Parameter(
             "normal_space", "enum", "tangent", choices=("tangent", "object"),
@@ -56,7 +59,8 @@ FILTER = Filter(
     ),
     help="Rasterises the object's UV charts: one texel per pixel centre inside a triangle, with "
     "its position, normal, face and barycentric coordinates. A mesh without texture coordinates "
-    "is parametrised first (xatlas). Overlapping, out-of-range and torn charts are told.",
+    "is parametrised first (xatlas). Coordinates in UDIM tiles give a texture for each tile, and "
+    "maps NAME.1001.png, NAME.1002.png … Overlapping, out-of-range and torn charts are told.",
     reference="Palma et al. 2012, §3",
 )  # fmt: skip
 
@@ -79,7 +83,21 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
         assert mesh.uv is not None
         document.set_uv(mesh.uv)
         said.append(f"parametrised, {reason}")
+    tiles: list[int] = []
+    if split := split_tiles(mesh):
+        mesh, numbers = split
+        assert mesh.uv is not None
+        document.set_uv(mesh.uv, mesh.texture_index)
+        if len(np.unique(numbers)) == len(numbers):
+            tiles = numbers.tolist()
+            document.set_array("tiles", numbers)
+        said.append(f"UDIM tiles {_ranges(numbers)}")
     count = 1 if mesh.texture_index is None else max(1, int(mesh.texture_index.max()) + 1)
+    if count > MOST_TEXTURES:
+        raise SvbrdfError(
+            f"the texture coordinates lie in {count} textures, at most {MOST_TEXTURES} are "
+            "possible: pass parametrise=always for new ones in a single texture"
+        )
     sizes = ((size, size),) * count
     said += _check_charts(mesh, sizes, parameters.allow_overlap)
 
@@ -90,7 +108,7 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
             "no texel lies inside a chart: the texture coordinates are empty or out of range"
         )
     if parameters.normal_map:
-        maps = [read_image(name) for name in texture_files(parameters.normal_map, count)]
+        maps = [read_image(name) for name in texture_files(parameters.normal_map, count, tiles)]
         normals, valid = apply_normal_map(
             texels, mesh, maps,
             parameters.normal_space, parameters.green, document.object_layer().matrix,
@@ -103,6 +121,12 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
     document.set_texels(texels)
     images = "" if count == 1 else f" in {count} images"
     return "; ".join([f"{len(texels):,} texels at {size}×{size}{images}", *said])
+
+
+def _ranges(numbers: np.ndarray) -> str:
+    """Ascending numbers in words: 1001-1003, 1011."""
+    runs = np.split(numbers, np.flatnonzero(np.diff(numbers) > 1) + 1)
+    return ", ".join(f"{r[0]}-{r[-1]}" if r[0] < r[-1] else str(r[0]) for r in runs)
 
 
 def _check_charts(mesh: Mesh, sizes, allow_overlap: bool) -> list[str]:

@@ -84,7 +84,7 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
     tangents, normals = normal_maps(document, mesh, texels)
     package = Package(
         document.name, mesh, texels.radius, made, tangents, normals, light,
-        ambient / parameters.scale, shaded, parameters.color_images == "jpeg",
+        ambient / parameters.scale, shaded, parameters.color_images == "jpeg", document.tiles(),
     )  # fmt: skip
 
     # Write every format, all of them or nothing

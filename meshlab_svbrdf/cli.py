@@ -6,6 +6,7 @@ that `--help` comes at once.
 
 from __future__ import annotations
 
+import sys
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
@@ -452,12 +453,43 @@ def view(
     commands.view(project, port, browser)
 
 
+@app.command()
+def compile() -> None:
+    """Compile all kernels of a run ahead: what its first time on a machine would take longer."""
+    from . import commands
+
+    commands.compile_kernels()
+
+
 app.command()(bench)
+
+
+LEAST_MEMORY = 3 << 29
+"""Bytes of address space: NumPy, OpenCV and the compiler take 1 GB, and below it crash or do not
+load."""
 
 
 def main() -> None:
     quieten_blas()
+    limit = _memory_limit()
+    if limit is not None and limit < LEAST_MEMORY:
+        typer.echo(
+            f"Error: this shell gives programs {limit >> 20} MB of address space (ulimit -v); the "
+            f"libraries alone take 1 GB: allow {LEAST_MEMORY >> 20} MB or more",
+            err=True,
+        )
+        sys.exit(1)
     app()
+
+
+def _memory_limit() -> int | None:
+    """Bytes of address space that this process may have, or None where there is no limit."""
+    try:
+        import resource
+    except ImportError:  # Windows
+        return None
+    limit = resource.getrlimit(resource.RLIMIT_AS)[0]
+    return None if limit == resource.RLIM_INFINITY else limit
 
 
 if __name__ == "__main__":

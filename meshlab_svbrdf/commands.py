@@ -28,7 +28,8 @@ from .document.freshness import in_words
 from .document.video_file import video_problem
 from .errors import SvbrdfError
 from .filter import describe, to_json
-from .kernels import compiled
+from .kernel_list import listed
+from .kernels import compiling
 from .plan import make_plan
 from .presets import PRESETS, chain
 from .progress import Show
@@ -67,10 +68,11 @@ def run(
         document.hold_out(hold_out)
         if preset is not None and not as_json:
             typer.echo(f"preset {preset}: {PRESETS[preset]}")
-        if script is None:
-            steps = _planned(document, steps, given, as_json)
-        with workers(scheduler, document.folder.parent) as document.spread:
-            _run(document, steps, force, as_json)
+        with compiling(errors.print):
+            if script is None:
+                steps = _planned(document, steps, given, as_json)
+            with workers(scheduler, document.folder.parent) as document.spread:
+                _run(document, steps, force, as_json)
 
 
 def plan(
@@ -100,7 +102,15 @@ def apply(
         step = Step(filter, dict(map(_name_value, parameters or ())), "the command line")
         registry.get(filter)
         check_script([step])
-        _run(_open(project, output, layer), [step], force, as_json)
+        with compiling(errors.print):
+            _run(_open(project, output, layer), [step], force, as_json)
+
+
+def compile_kernels() -> None:
+    """Compile all kernels of a run that are not compiled yet."""
+    with compiling(errors.print):
+        for kernel, arguments in listed():
+            kernel.compile(arguments)
 
 
 def filters(name: str, as_json: bool) -> None:
@@ -206,8 +216,6 @@ def _run(
 
     later : gives further steps when these are done: a plan needs the rasters that they place
     """
-    if not compiled():
-        errors.print("compiling kernels, this happens once and takes a minute or two…")
     with _stages(as_json, document) as (say, show):
         try:
             for outcome in run_script(document, steps, force=force, show=show):

@@ -8,9 +8,10 @@ from typing import Any
 import typer
 
 from . import registry
-from .commands import _friendly, _name_value, _open, _planned, _run
+from .commands import _friendly, _name_value, _open, _planned, _run, errors
 from .document.document import MESHES, Document
 from .errors import SvbrdfError
+from .kernels import compiling
 from .presets import PRESETS, chain
 from .script import Step, check_script
 
@@ -47,7 +48,8 @@ def register(
         def later() -> list[Step]:
             return _planned(document, steps, chained, as_json) if run else []
 
-        _run(document, [step], force, as_json, later)
+        with compiling(errors.print):
+            _run(document, [step], force, as_json, later)
 
 
 def registration_step(options: dict[str, Any], settings: dict[str, str]) -> Step:

@@ -1,17 +1,56 @@
-"""Whether the kernels are compiled yet: that happens once, and takes a while."""
+"""Whether the kernels are compiled yet: that happens once, and takes a while.
+
+compiled    whether that has happened
+compiling   inside it happens, on two cores
+"""
 
 from __future__ import annotations
 
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
+from typing import Any
 
-from .geometry import texels
+from .kernel_list import listed
+from .threads import thread_count
 
 
 def compiled() -> bool:
-    """Whether numba has compiled this version's first kernel before, wherever it keeps that."""
-    kernel = texels._cover
+    """Whether all kernels of a run have been compiled before."""
+    return all(is_compiled(kernel) for kernel, _ in listed())
+
+
+def is_compiled(kernel: Any) -> bool:
+    """Whether numba has compiled this version's kernel before, wherever it keeps that."""
     if not hasattr(kernel, "stats"):  # numba is switched off
         return True
-    source = Path(texels.__file__).stat().st_mtime
-    kept = Path(str(kernel.stats.cache_path)).glob("texels._cover-*.nbi")
-    return any(index.stat().st_mtime >= source for index in kept)
+    source = Path(kernel.py_func.__code__.co_filename)
+    name = f"{source.stem}.{kernel.py_func.__qualname__}-*.nbi"
+    kept = Path(str(kernel.stats.cache_path)).glob(name)
+    return any(index.stat().st_mtime >= source.stat().st_mtime for index in kept)
+
+
+@contextmanager
+def compiling(say: Callable[[str], None]) -> Iterator[None]:
+    """Inside, kernels are compiled as a run comes to them, and where there is another core by a
+    second process too, which begins with the last; it ends with this one."""
+    if compiled():
+        yield
+        return
+    say("compiling kernels, this happens once and takes half a minute…")
+    with _second() if thread_count() > 1 else nullcontext():
+        yield
+
+
+@contextmanager
+def _second() -> Iterator[None]:
+    """It ends when its input does, after the kernel that it is at."""
+    command = [sys.executable, "-P", "-m", f"{__package__}.compile_ahead"]
+    quiet = subprocess.DEVNULL
+    process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=quiet, stderr=quiet)
+    try:
+        yield
+    finally:
+        process.communicate()

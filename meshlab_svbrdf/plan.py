@@ -16,12 +16,16 @@ from typing import Any
 import numpy as np
 
 from . import registry
+from .document.coding import Coding
 from .document.document import Document
 from .document.frames import Frames
+from .document.products import plain
 from .document.project import RasterEntry
-from .document.space import free_bytes, in_words
+from .document.space import free_bytes, in_words, memory_bytes_free
+from .document.space import memory_bytes as machine_bytes
 from .errors import DocumentError, SvbrdfError
 from .filter import Namespace
+from .filters._coding import are_plain
 from .filters._frames import choose, frame_sampler, read_reduced, reduction
 from .geometry.mesh import Mesh
 from .geometry.visibility import needs_visibility
@@ -91,7 +95,8 @@ class Plan:
     """decisions, and the steps of the chain with what they set
     frames, texels, samples : how many there will be, the last two estimated
     seconds : by filter, estimated for an idle machine; {} where no frame could be tried
-    store, results : bytes on disk; free : bytes there; memory : bytes at the peak
+    store, results : bytes on disk; free : bytes there; memory : bytes at the peak; memory_free,
+        memory_there : bytes that are free, and all of this machine's; infinite if not known
     cores : that work at a time
     """
 
@@ -105,6 +110,8 @@ class Plan:
     results: int
     free: int
     memory: int
+    memory_free: float
+    memory_there: float
     cores: int
 
     @property
@@ -120,6 +127,8 @@ class Plan:
         return (
             f"about {_millions(self.samples)} samples{takes}, {in_words(self.disk)} on disk "
             f"({in_words(self.free)} are free), {in_words(self.memory)} of memory"
+            + f" ({in_words(self.memory_free)} are free)"
+            * (self.memory > self.memory_free)
         )
 
     def short(self) -> list[str]:
@@ -138,18 +147,25 @@ class Plan:
         return found
 
     def to_json(self) -> dict[str, Any]:
-        """For other programs: sizes in bytes, times in seconds."""
+        """For other programs: sizes in bytes, times in seconds, null where not known."""
         told = {k: v for k, v in vars(self).items() if k not in ("decisions", "steps")}
-        return {"decisions": [asdict(d) for d in self.decisions]} | told
+        return plain({"decisions": [asdict(d) for d in self.decisions]} | told)
 
     def check_space(self) -> None:
-        """Raises SvbrdfError where the disk cannot hold the results."""
+        """Raises SvbrdfError where the disk cannot hold the results, or the memory the run."""
         if self.disk > self.free:
             raise SvbrdfError(
                 f"the results need about {in_words(self.disk)} on disk, and "
                 f"{in_words(self.free)} are free: use fewer frames "
                 f"(--set {SAMPLES}.frames=120), a smaller texture (--texture-size), or another "
                 "place (-o)"
+            )
+        if self.memory > self.memory_there:
+            raise SvbrdfError(
+                f"the run needs about {in_words(self.memory)} of memory for "
+                f"{_millions(self.texels)} texels, and this machine has "
+                f"{in_words(self.memory_there)}: use a smaller texture (--texture-size), a simpler "
+                "mesh, or another machine"
             )
 
 
@@ -204,13 +220,16 @@ def make_plan(document: Document, steps: list[Step], given: Mapping[str, Any]) -
         decode=trial.decode if trial else 0.0, project=trial.project if trial else 0.0,
     )  # fmt: skip
     held = of_samples.memory << 20
+    coding = Coding(of_samples.transfer, of_samples.clip)
+    bits = 8 if not choice.brackets and are_plain(choice.rasters, coding) else 16
     return Plan(
         decisions, steps, used, texels, samples,
         stage_seconds(work, this_machine(), fit.estimator, fit.gloss, there)
         if trial
         else {},
-        round(store_bytes(samples, texels, used, held)), round(result_bytes(work)),
-        free_bytes(document.folder), round(memory_bytes(work, held)), work.cores,
+        round(store_bytes(samples, texels, used, held, bits)), round(result_bytes(work)),
+        free_bytes(document.folder), round(memory_bytes(work, held)),
+        memory_bytes_free(), machine_bytes(), work.cores,
     )  # fmt: skip
 
 

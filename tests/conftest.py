@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
-from meshlab_svbrdf import registry
+from meshlab_svbrdf import kernels, registry
 from meshlab_svbrdf.document.images import write_png
 from meshlab_svbrdf.document.mesh_files import write_ply
 from meshlab_svbrdf.document.project import new_project, write_project
@@ -22,6 +22,12 @@ settings.register_profile("svbrdf", deadline=None, derandomize=True)  # seeded, 
 settings.load_profile("svbrdf")
 
 FRAMES = 9
+
+
+@pytest.fixture(autouse=True)
+def one_process(monkeypatch):
+    """Commands start no second process that compiles: the tests' processes share what they do."""
+    monkeypatch.setattr(kernels, "compiled", lambda: True)
 
 
 def tetrahedron(uv: bool = True) -> Mesh:

@@ -2,11 +2,14 @@
 
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import pytest
 from typer.testing import CliRunner
 
@@ -198,12 +201,12 @@ def test_info_tells_where_results_are_what_to_run_and_the_materials(small_projec
 def test_that_kernels_are_compiled_is_known_wherever_numba_keeps_them(tmp_path, place):
     code = (
         "import numpy as np\n"
-        "from meshlab_svbrdf.kernels import compiled\n"
+        "from meshlab_svbrdf.kernels import compiled, is_compiled\n"
         "from meshlab_svbrdf.geometry import texels\n"
-        "print(compiled())\n"
+        "print(is_compiled(texels._cover), compiled())\n"
         "texels._cover(np.zeros((0, 3, 2)), np.zeros(0, np.int64), np.zeros((4, 4), np.int32),\n"
         "              np.zeros((4, 4, 3), np.float32))\n"
-        "print(compiled())\n"
+        "print(is_compiled(texels._cover), compiled())\n"
     )
     package = tmp_path / "copy" / "meshlab_svbrdf"
     shutil.copytree(
@@ -219,7 +222,7 @@ def test_that_kernels_are_compiled_is_known_wherever_numba_keeps_them(tmp_path, 
         [sys.executable, "-c", code], env=environment, cwd=tmp_path, capture_output=True, text=True,
         check=True,
     )  # fmt: skip
-    assert told.stdout.split() == ["False", "True"]
+    assert told.stdout.splitlines() == ["False False", "True False"]
     assert list((tmp_path / "cache").rglob("*.nbi"))
 
 
@@ -248,6 +251,96 @@ def test_two_runs_on_one_output_do_not_mix(small_project, tmp_path, chain):
         result = shell("run", small_project, "-o", tmp_path / "out", "--script", chain())
     assert result.exit_code == 1
     assert "another run" in result.stderr
+
+
+@pytest.mark.parametrize(
+    "lack",
+    [
+        MemoryError(), RuntimeError("can't start new thread"),
+        cv2.error("OpenCV(4.10): Failed to allocate 99 bytes"),
+    ],
+    ids=["NumPy", "threads", "OpenCV"],
+)  # fmt: skip
+def test_where_memory_runs_out_one_message_says_what_to_make_smaller(
+    small_project, tmp_path, chain, demos, monkeypatch, lack
+):
+    def apply(document, parameters, progress):
+        raise lack
+
+    if isinstance(lack, cv2.error):
+        lack.code = cv2.Error.StsNoMem
+    shade = demos["compute_demo_shade"]
+    monkeypatch.setitem(demos, shade.name, replace(shade, apply=apply))
+    result = shell("run", small_project, "-o", tmp_path / "out", "--script", chain())
+    assert result.exit_code == 1
+    assert result.stderr.splitlines()[-1].startswith("Error: there is not enough memory: use a sma")
+    assert "finished stages are kept" in result.stderr
+    record = Document.open(tmp_path / "out" / "small.mlp").results.record
+    assert list(record["products"]) == ["texels"]
+
+
+@pytest.mark.skipif(os.name != "posix", reason="limits of address space are POSIX's")
+def test_too_little_address_space_for_the_libraries_is_told_before_they_crash(small_project):
+    done = limited(["info", str(small_project)], "resource.RLIMIT_AS", 1 << 30)
+    assert done.returncode == 1
+    assert done.stderr.startswith("Error: this shell gives programs 1024 MB of address space")
+    assert done.stderr.count("\n") == 1
+
+
+def limited(words, name, value):
+    """The command in a process of its own, under a limit."""
+    code = (
+        f"import resource, sys; resource.setrlimit({name}, ({value}, {value}))\n"
+        "from meshlab_svbrdf import cli; cli.main()"
+    )
+    command = [sys.executable, "-c", code, *words]
+    return subprocess.run(command, capture_output=True, text=True)
+
+
+def ordinary(words):
+    """The command without root's right to write where nobody may."""
+    command = [sys.executable, "-c", "from meshlab_svbrdf import cli; cli.main()", *words]
+    if os.geteuid() == 0:
+        command = ["setpriv", "--bounding-set", "-dac_override,-dac_read_search", *command]
+    return subprocess.run([str(word) for word in command], capture_output=True, text=True)
+
+
+@pytest.mark.skipif(
+    os.name != "posix" or (os.geteuid() == 0 and not shutil.which("setpriv")),
+    reason="root writes everywhere, and there is no setpriv to take that away",
+)
+def test_read_only_folders_are_read_and_told_where_they_are_to_be_written(small_project, tmp_path):
+    """The project's own may be read only; the result's may not, and stays as it was."""
+    texels = ["compute_svbrdf_texels", "texture_size=32"]
+    out, source = tmp_path / "out", small_project.parent
+    before = digests(source)
+    for folder in (source / "frames", source):
+        folder.chmod(0o555)
+    done = ordinary(["apply", small_project, *texels, "-o", out])
+    assert done.returncode == 0, done.stderr
+    done = ordinary(["apply", small_project, *texels])  # in place
+    assert done.returncode == 1
+    assert re.search(
+        r"^Error: \S*small\.\S+: Permission denied; see to its .*\n\Z", done.stderr, re.M
+    )
+    assert digests(source) == before
+
+    result, results = digests(out), [p for p in (out, *out.rglob("*")) if p.is_dir()]
+    for folder in results:
+        folder.chmod(0o555)
+    done = ordinary(["apply", out / "small.mlp", texels[0], "texture_size=64"])
+    assert done.returncode == 1
+    assert re.search(
+        r"^Error: \S*small\.\S+: Permission denied; see to its .*\n\Z", done.stderr, re.M
+    )
+    assert digests(out) == result
+    for folder in (source, source / "frames", *results):
+        folder.chmod(0o755)
+
+
+def digests(folder):
+    files = (p for p in sorted(folder.rglob("*")) if p.is_file() and p.name != ".lock")
+    return {path: path.read_bytes() for path in files}
 
 
 def test_the_command_is_installed_and_starts_at_once():

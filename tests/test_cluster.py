@@ -9,6 +9,8 @@ import pytest
 import troubles
 from totems import GLOSS, SAMPLES, TEXELS, WALK, contents, film, run
 
+from meshlab_svbrdf.batch import run_batch
+from meshlab_svbrdf.batch_list import FAILED, Entry
 from meshlab_svbrdf.cluster import Cluster, connected
 from meshlab_svbrdf.document.document import Document
 from meshlab_svbrdf.errors import SvbrdfError
@@ -25,7 +27,7 @@ def machines():
     distributed = pytest.importorskip("distributed", reason="needs the extra `cluster`")
     with (
         distributed.LocalCluster(
-            n_workers=3, threads_per_worker=1, dashboard_address=None, memory_limit=0
+            n_workers=3, threads_per_worker=1, dashboard_address=":0", memory_limit=0
         ) as found,
         distributed.Client(found) as client,
     ):
@@ -108,17 +110,24 @@ def test_a_full_disk_is_said_and_what_was_done_is_kept(there, here, client):
     same_samples(there, here)
 
 
-def test_lack_of_memory_is_said(there, client):
-    client.run(troubles.without_memory)
+def test_lack_of_memory_is_said(client):
     with pytest.raises(SvbrdfError, match=r"Unable to allocate .* \(on the worker tcp:"):
-        run(there, SAMPLES, **SMALL)
+        list(Cluster(client)(np.empty, [1 << 45]))
 
 
-def test_a_task_that_kills_its_workers_is_given_up(there, client):
+def test_a_task_that_kills_its_workers_is_given_up(client):
     client.cluster.scheduler.allowed_failures = 0
-    client.run(troubles.dying)
-    with pytest.raises(SvbrdfError, match=r"the workers that had a task died of it"):
-        run(there, SAMPLES, **SMALL)
+    with pytest.raises(SvbrdfError, match="the workers that had a task died of it"):
+        list(Cluster(client)(troubles.die, [0]))
+
+
+def test_objects_of_a_batch_are_tasks(client, tmp_path):
+    (tmp_path / "lost.mlp").write_text("<MeshLabDocument/>")
+    entries = [Entry(tmp_path / "lost.mlp", "lost")]
+    found = run_batch(entries, tmp_path / "out", [], spread=Cluster(client))
+    assert [(result.state, result.attempts) for result in found] == [(FAILED, 1)]
+    assert "is not a MeshLab project" in found[0].error
+    assert (tmp_path / "out" / "batch.html").exists()
 
 
 def test_what_is_wrong_with_a_scheduler_is_said(client, tmp_path, monkeypatch):

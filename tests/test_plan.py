@@ -183,6 +183,16 @@ def test_a_disk_that_just_suffices_is_used(walk, tmp_path, disk):
     assert document.has("samples")
 
 
+def test_too_little_memory_is_told_before_anything_is_written(walk, tmp_path, monkeypatch):
+    monkeypatch.setattr(plan, "machine_bytes", lambda: 250e6)
+    words = ["run", str(walk), "-o", str(tmp_path), "--texture-size", "64"]
+    result = CliRunner().invoke(cli.app, words)
+    assert result.exit_code == 1
+    assert "MB of memory for" in result.stderr
+    assert "this machine has 250 MB" in " ".join(result.stderr.split())
+    assert not list(tmp_path.rglob("*.npy"))
+
+
 # The shell
 
 

@@ -36,6 +36,8 @@ def cases(folder: Path) -> Iterator[Case]:
         yield name, "D, of 100", EXACT, partial(_grey, folder / f"mesh {name}", mesh)
     for name, make in FILMS.items():
         yield name, "D, of 100", EXACT, partial(make, folder / f"film {name}")
+    for name, make in EMPTY.items():
+        yield name, "texels, materials observed", 0.0, partial(make, folder / f"film {name}")
 
 
 def meshes() -> dict[str, Mesh]:
@@ -63,6 +65,7 @@ def meshes() -> dict[str, Mesh]:
         "a plane": plane(1.0, cells=4),
         "one triangle": replace(plane(), faces=plane().faces[:1], uv=plane().uv[:1]),
         "a sphere": ball,
+        "a needle, 1 : 20": replace(ball, vertices=ball.vertices * [0.05, 1, 0.05]),
         "a needle, 1 : 10⁴": replace(ball, vertices=ball.vertices * [1e-4, 1, 1e-4]),
         "a sheet, 1 : 10⁶": replace(ball, vertices=ball.vertices * [1, 1, 1e-6]),
         "at a million metres": ball.transformed(far),
@@ -247,11 +250,15 @@ def _inside(folder: Path) -> float:
     return _film(folder, cameras, _plain)
 
 
+EMPTY: dict[str, Callable[[Path], float]] = {
+    "frames of noise: gloss": _noise, "one frame": partial(_few, 1), "two frames": partial(_few, 2),
+    "seven frames": partial(_few, 7),
+}  # fmt: skip
+"""Films of which nothing may be claimed."""
 FILMS: dict[str, Callable[[Path], float]] = {
     "black frames": partial(_all, 0), "white frames, all clipped": partial(_all, 255),
     "frames of code 1": partial(_all, 1), "frames of one colour": _one_color,
-    "frames of noise": _noise, "one frame": partial(_few, 1), "two frames": partial(_few, 2),
-    "seven frames": partial(_few, 7), "frames all alike": _alike,
+    "frames all alike": _alike,
     "frames of different sizes": _sizes, "frames of another size than their cameras'": _other_size,
     "cameras that look away": _away, "cameras inside the object": _inside,
 }  # fmt: skip

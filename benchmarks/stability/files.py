@@ -37,6 +37,8 @@ from meshlab_svbrdf.document.video_names import read_videos
 from meshlab_svbrdf.filter import Filter
 from meshlab_svbrdf.geometry.camera import Camera
 from meshlab_svbrdf.geometry.mesh import Mesh
+from meshlab_svbrdf.samples.chunks import SampledFrame
+from meshlab_svbrdf.samples.store import SampleStore, write_store
 from meshlab_svbrdf.script import check_script, read_script
 
 SIZE = 32, 24
@@ -86,6 +88,7 @@ def formats(folder: Path) -> list[Format]:
         Format(".exr", _exr(folder / "map.exr"), False, read_exr),
         Format(".png", project.parent / "frames" / "f0.png", False, _read_picture),
         Format(".jpg", _jpeg(folder / "photo.jpg"), False, _read_photograph),
+        *_samples(folder / "samples"),
         Format("video", _video(folder / "film.mp4"), False, _read_video),
     ]  # fmt: skip
     for kind in ("text", "binary"):
@@ -275,6 +278,27 @@ def _colmap(folder: Path, text: bool) -> Path:
     point = struct.pack("<QQ3d3BdQII", 1, 7, 1.0, 2.0, 3.0, 0, 0, 0, 0.5, 1, 1, 0)
     (folder / "points3D.bin").write_bytes(point)
     return folder
+
+
+def _samples(folder: Path) -> list[Format]:
+    """A sample store of three frames."""
+    rng = np.random.default_rng(0)
+    frames = [SampledFrame(np.arange(k, 40, 2, dtype=np.int32),
+                           rng.integers(0, 256, (20 - k // 2, 4)).astype(np.uint8))
+              for k in (0, 1, 2)]  # fmt: skip
+    folder.mkdir()
+    write_store(folder, 40, 3, lambda k: frames[k], names=["a", "b", "c"])
+
+    def read(path: Path) -> None:
+        store = SampleStore.open(path.parent)
+        for block in store.blocks(16):
+            block.frame, block.value  # noqa: B018
+        store.map_texels(lambda block, own: block.value.sum(), np.arange(0, store.texels, 3))
+
+    return [
+        Format(f"samples, {path.name}", path, path.suffix == ".json", read)
+        for path in sorted(folder.iterdir())
+    ]
 
 
 def _exr(path: Path) -> Path:

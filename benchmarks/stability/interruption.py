@@ -1,4 +1,4 @@
-"""Runs that are killed, and disks that are full: what was there stays, the next run goes on.
+"""Runs that are killed, full disks, too little memory: what was there stays, the next run goes on.
 
 A tiny film's whole chain runs in a process that is killed without warning at a random moment. Then
 every file that the record names must be whole, everything made before must be unchanged, and the
@@ -13,9 +13,11 @@ import os
 import resource
 import shutil
 import signal
+import subprocess
+import sys
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -31,6 +33,8 @@ from meshlab_svbrdf.document.record import RECORD, ResultFolder
 from meshlab_svbrdf.document.stored import read_array, read_json
 from meshlab_svbrdf.errors import SvbrdfError
 from sample_projects.make_totem import TINY, make_totem
+
+from ..ledger import ROOT
 
 FILM = replace(TINY, frames=24, orbits=1, width=75, height=100, texture=64, columns=32)
 CHAIN = (
@@ -77,17 +81,22 @@ def kill_runs(folder: Path, kills: int, seed: int = 0) -> dict[str, Any]:
 
 
 def fill_disks(folder: Path, sizes: int, seed: int = 0) -> dict[str, Any]:
-    """Run the chain with files that may not grow beyond random sizes, as on a disk that is full."""
+    """Run the chain with files that may not grow beyond a size, as on a disk that is full.
+
+    Half of the sizes are any; the others are a little less than one of the result's files needs.
+    """
     project = make_totem(folder / "film", FILM).path
     _run(project, folder / "warm")
     cv2.setNumThreads(0)
     expected = _result(_to_the_end(project, folder / "undisturbed"))
-    biggest = max(path.stat().st_size for path in (folder / "undisturbed").rglob("*"))
+    whole = [path.stat().st_size for path in (folder / "undisturbed").rglob("*") if path.is_file()]
     rng = np.random.default_rng(seed)
     told: Counter[str] = Counter()
     broke: list[str] = []
     output = folder / "out"
-    for size in np.exp(rng.uniform(np.log(64), np.log(biggest), sizes)).astype(int):
+    wide = np.exp(rng.uniform(np.log(64), np.log(max(whole)), sizes // 2))
+    tight = rng.choice(whole, sizes - len(wide)) - np.exp(rng.uniform(0, np.log(9_000), sizes // 2))
+    for size in np.maximum([*wide, *tight], 0).astype(int):
         before = _state(output)
         said = _limited(int(size), project, output)
         if said.startswith("Error: "):
@@ -100,6 +109,37 @@ def fill_disks(folder: Path, sizes: int, seed: int = 0) -> dict[str, Any]:
         broke += _differences(expected, _result(_to_the_end(project, output)))
         shutil.rmtree(output)
     return {"tried": sizes, "told": told["told"], "enough": told["enough room"], "broke": broke}
+
+
+def limit_memory(folder: Path, megabytes: Sequence[int]) -> dict[str, Any]:
+    """Run the shell's command with that much address space; what it says, and what broke."""
+    project = make_totem(folder / "film", FILM).path
+    output = folder / "out"
+    expected = _result(_in_shell(project, folder / "undisturbed")[1])
+    rows = []
+    for size in megabytes:
+        before = _state(output)
+        said, _ = _in_shell(project, output, size << 20)
+        broke = _problems(output, before)
+        if said and (not said.startswith("Error: ") or "Traceback" in said):
+            broke.append(said)
+        broke += _differences(expected, _result(_in_shell(project, output)[1]))
+        shutil.rmtree(output)
+        rows.append({"megabytes": size, "said": said, "broke": broke})
+    return {"memory": rows}
+
+
+def _in_shell(project: Path, output: Path, limit: int = resource.RLIM_INFINITY) -> tuple[str, Path]:
+    """What a run in a process of its own says of errors, "" for none; and the result's project."""
+    command = [sys.executable, "-m", "meshlab_svbrdf.cli", "run", str(project), "-o", str(output)]
+    done = subprocess.run(
+        [*command, "--texture-size", "64"], cwd=ROOT, capture_output=True, text=True,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (limit, limit)),
+    )  # fmt: skip
+    said = "\n".join(line for line in done.stderr.splitlines() if not line.startswith("plan: "))
+    if done.returncode not in (0, 1):
+        said = f"ended with {done.returncode}: {said}"
+    return said if done.returncode else "", output / project.name
 
 
 def _run(project: Path, output: Path, say: Callable[[str], None] = lambda stage: None) -> Path:

@@ -45,7 +45,7 @@ def cases(folder: Path) -> Iterator[Case]:
     yield "twenty lamps", "degrees", 0.5, partial(_found, _twenty(), lights_by_peaks)
     for name, place in PLACES.items():
         yield f"filmed under one lamp at {name}", "degrees", 0.2, partial(_filmed, folder, place)
-    for alpha in (1.5, 5.0, 50.0, 500.0, 1500.0):
+    for alpha in (1.0, 1.5, 5.0, 50.0, 500.0, 1500.0, 2000.0):
         yield f"joint fit, α = {alpha:g}", "ln α", 0.08, partial(_gloss, folder, alpha)
     yield "joint fit without a lamp", "materials observed", 0.0, partial(_none, folder)
     yield "joint fit of twenty lamps", "ln α", 0.08, partial(_many, folder)

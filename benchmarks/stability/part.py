@@ -11,26 +11,33 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from ..cases import LONG, PHOTOGRAPHS, SAMPLE, Case
 from ..ledger import Row, Task
 from ..tables import Table
 from . import chain, lamps, precision, statistics
 from .checks import Check, run_cases
 from .guards import try_guards
 from .handmade import try_handmade
+from .honest import judge_film, judge_gloss
 from .hostile import try_formats
-from .interruption import fill_disks, kill_runs
+from .interruption import fill_disks, kill_runs, limit_memory
 
 PART = "stability"
 EXTREMES, FILES, GUARDED, INTERRUPTED = "extremes", "files", "guards", "interrupted"
+HONEST, FILMS = "honest", (SAMPLE, LONG, PHOTOGRAPHS)
 SWEEPS: dict[str, ModuleType] = {
     "sums": statistics, "single precision": precision, "lights and gloss": lamps,
     "the chain": chain,
 }  # fmt: skip
-DAMAGED, KILLS, DISKS = 200, 200, 40
+DAMAGED, KILLS, DISKS = 200, 200, 60
+MEGABYTES = (100, 400, 1000, 1500, 1550, 1600, 1700, 1800, 1900, 2000, 2200, 2400, 2800, 3200, 4000)
 
 
-def tasks(only: Sequence[str] = ()) -> list[Task]:
-    """All of them, or those of some groups: extremes, files, guards, interrupted."""
+def tasks(only: Sequence[str] = (), films: Sequence[Case] = ()) -> list[Task]:
+    """All of them, or those of some groups: extremes, files, guards, interrupted, honest.
+
+    films : of `FILMS`, those that are here
+    """
     found = [
         Task(PART, EXTREMES, name, "", partial(_sweep, name, module))
         for name, module in SWEEPS.items()
@@ -42,6 +49,10 @@ def tasks(only: Sequence[str] = ()) -> list[Task]:
         Task(PART, INTERRUPTED, "killed", f"{KILLS} times", partial(_disturbed, kill_runs, KILLS)),
         Task(PART, INTERRUPTED, "disk full", f"{DISKS} sizes",
              partial(_disturbed, fill_disks, DISKS)),
+        Task(PART, INTERRUPTED, "memory", f"{len(MEGABYTES)} limits", _limited),
+        *[Task(PART, HONEST, film.name, "", partial(_honest, film)) for film in films],
+        Task(PART, HONEST, "gloss", ", ".join(film.name for film in films),
+             partial(_gloss, films)),
     ]  # fmt: skip
     return [task for task in found if not only or task.scene in only]
 
@@ -79,6 +90,25 @@ def _disturbed(disturb: Callable[[Path, int], dict[str, Any]], count: int, folde
     return _row(row, row["broke"])
 
 
+def _limited(folder: Path) -> Row:
+    folder.mkdir(parents=True)
+    row = limit_memory(folder, MEGABYTES)
+    broke = [f"{r['megabytes']} MB: {how}" for r in row["memory"] for how in r["broke"]]
+    return _row(row, broke)
+
+
+def _honest(film: Case, folder: Path) -> Row:
+    folder.mkdir(parents=True)
+    row = judge_film(film, folder)
+    return _row(row, [f"{r['change']}: {why}" for r in row["changes"] for why in r["broke"]])
+
+
+def _gloss(films: Sequence[Case], folder: Path) -> Row:
+    folder.mkdir(parents=True)
+    row = judge_gloss(films, folder)
+    return _row(row, [f"{r['film']}: {r['broke']}" for r in row["gloss"] if r["broke"]])
+
+
 def _row(row: Row, broke: Sequence[str]) -> Row:
     return row | ({"error": f"{len(broke)} broke: {'; '.join(broke)[:2000]}"} if broke else {})
 
@@ -103,6 +133,14 @@ def tables(rows: Sequence[Row]) -> list[Table]:
             found.append(_kills(row))
         elif "told" in row:
             found.append(_disks(row))
+        elif "memory" in row:
+            cells = [[f"{r['megabytes']:,}", _short(r["said"].partition(": ")[2]) if r["said"] else
+                      "goes on to its end"] for r in row["memory"]]  # fmt: skip
+            found.append(Table("Limited memory", ["MB of address space", "the run"], cells))
+        elif "changes" in row:
+            found.append(_changes(row))
+        elif "gloss" in row:
+            found.append(_glosses(row))
         else:
             found.append(Table(f"{row['name']}: failed", ["error"], [[row.get("error", "")]]))
     return found
@@ -154,3 +192,22 @@ def _kills(row: Row) -> Table:
 def _disks(row: Row) -> Table:
     cells = [[str(row[key]) for key in ("tried", "told", "enough")] + [str(len(row["broke"]))]]
     return Table("Files that may not grow", ["runs", "told", "had room", "broke"], cells)
+
+
+def _changes(row: Row) -> Table:
+    columns = (("pixels", ".1f"), ("agreement", ".2f"), ("spread", ".3f"), ("sides", ".3f"),
+               ("turns", ".3f"))  # fmt: skip
+    cells = [
+        [r["change"], *("" if r[key] is None else f"{r[key]:{form}}" for key, form in columns),
+         ", ".join(r["told"]) or "nothing"]
+        for r in row["changes"]
+    ]  # fmt: skip
+    headings = ["what was done", "outline off, pixels", "agreement", "gains' spread",
+                "sides' change", "turns' change", "what is told"]  # fmt: skip
+    return Table(row["name"], headings, cells)
+
+
+def _glosses(row: Row) -> Table:
+    cells = [[r["film"], f"{r['observed']} of {r['materials']}", "; ".join(r["reasons"])]
+             for r in row["gloss"]]  # fmt: skip
+    return Table("Gloss", ["film", "materials whose gloss is observed", "why not"], cells)

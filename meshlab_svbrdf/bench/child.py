@@ -22,27 +22,31 @@ from numba.core.event import install_recorder
 
 from ..document.document import Document
 from ..document.frames import Frames, FramesInOrder
+from ..document.mesh_files import write_ply
 from ..presets import chain
 from ..registration.track import register_frames
 from ..script import run_script
 from ..threads import thread_count
+from .analysis import TEXELS, VISIBILITY
+from .body import body
 from .files import ahead
-from .workload import Options, make_workload
+from .first_run import TINY, TINY_FRAMES, TINY_SIZE, list_kernels
+from .workload import make_workload
 
 Figures = dict[str, Any]
-WARM = Options(triangles=1200, width=320, height=180, step=7.5, truth=16)
-WARM_FRAMES = 48
 SAVE = "save"  # the last stage: the project with its layers
 
 
 def run_chain(
-    project: str, output: str, estimator: str, preset: str, settings: dict[str, str]
-) -> Figures:
+    project: str, output: str, estimator: str, preset: str, settings: dict[str, str],
+    warm: bool = True,
+) -> Figures:  # fmt: skip
     """Run the chain with warm kernels; decode the frames before it and after it.
 
+    warm : False: each kernel is loaded by the stage that uses it, within its time
     compiled : kernels that were compiled all the same
     """
-    warm = warm_up(estimator)["seconds"]
+    warmed = warm_up(estimator)["seconds"] if warm else 0.0
     document = Document.open(project, output)
     decode = [decode_frames(document)]
     peak_before = peak_memory()
@@ -57,7 +61,7 @@ def run_chain(
         "preset": preset,
         "estimator": estimator,
         "threads": thread_count(),
-        "warm_seconds": warm,
+        "warm_seconds": warmed,
         "compiled": sum(event.is_start for _, event in recorder.buffer),
         "peak_before": peak_before,
         "peak": max(stage["peak"] for stage in stages),
@@ -97,8 +101,36 @@ def sizes_of(document: Document) -> Figures:
         "texels": len(document.texels()),
         "samples": sum(used),
         "store_bytes": sum(store),
+        "disk": disk_of(document),
         "clusters": len(materials),
     }
+
+
+def disk_of(document: Document) -> int:
+    """Bytes of all results."""
+    files = (path for path in document.folder.rglob("*") if path.is_file())
+    return sum(path.stat().st_size for path in files)
+
+
+def run_surface(folder: str, triangles: int, size: int, directions: int) -> Figures:
+    """The stages that need the mesh alone, on one of about so many triangles."""
+    place = Path(tempfile.mkdtemp(dir=folder))
+    mesh = body(triangles)
+    write_ply(place / "body.ply", mesh)
+    given: dict[str, dict[str, Any]] = {
+        TEXELS: {"texture_size": size},
+        VISIBILITY: {"mode": "always", "directions": directions},
+    }
+    stages = []
+    del mesh
+    document = Document.of_mesh(place / "body.ply", place / "out.mlp")
+    for name, parameters in given.items():
+        with metered() as meter:
+            document.apply(name, **parameters)
+        stages.append({"name": name} | meter)
+    told = {"stages": stages, "triangles": len(document.mesh().faces), "disk": disk_of(document)}
+    shutil.rmtree(place)
+    return told
 
 
 def decode_frames(document: Document) -> Figures:
@@ -116,9 +148,9 @@ def warm_up(estimator: str = "joint") -> Figures:
     folder = Path(tempfile.mkdtemp(prefix="svbrdf-warm-"))
     try:
         with metered() as figures:
-            project = make_workload(folder, WARM_FRAMES, WARM).project
+            project = make_workload(folder, TINY_FRAMES, TINY).project
             document = Document.open(project, folder / "out")
-            small = {"compute_svbrdf_texels.texture_size": "128"}
+            small = {"compute_svbrdf_texels.texture_size": str(TINY_SIZE)}
             for _ in run_script(document, chain(estimator, "full", small)):
                 pass
             document.save()
@@ -189,6 +221,7 @@ def run_registration(project: str, count: int) -> Figures:
 
 TASKS: dict[str, Callable[..., Figures]] = {
     "chain": run_chain, "decode": run_decode, "warm": warm_up, "register": run_registration,
+    "surface": run_surface, "list": list_kernels,
 }  # fmt: skip
 
 

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+
+if TYPE_CHECKING:
+    from .sheets import Sheet
 
 
 class Format(StrEnum):
@@ -38,8 +41,13 @@ def bench(
     scaling: Annotated[
         bool, typer.Option("--scaling", help="Fit how the time grows with frames and texels.")
     ] = False,
+    huge: Annotated[
+        bool,
+        typer.Option("--huge", help="Only tell how memory, time and disk grow to 16384² texels and "
+                     "10 million triangles, from this size and half of it."),
+    ] = False,
     cold: Annotated[
-        bool, typer.Option(help="Also compile all kernels anew, and tell how long that took.")
+        bool, typer.Option(help="Also time a first run, which compiles the kernels.")
     ] = True,
     folder: Annotated[
         Path | None, typer.Option(help="Keeps the frames, 240 KB each; default: the user's cache.")
@@ -59,13 +67,12 @@ def bench(
     own; kernels are warm. Close other programs first: wall-clock times are of the whole machine.
     """
     # What follows loads the whole suite
-    from json import dumps
-
     from rich.console import Console
 
     from ..errors import SvbrdfError
+    from .huge import huge as grow
     from .measure import Wanted, benchmark
-    from .sheets import sheets
+    from .sheets import huge_sheets, sheets
     from .workload import Options, make_workload
 
     options = Options(triangles, width, height, format.value, step=step)
@@ -73,6 +80,10 @@ def bench(
     try:
         if only_make:
             typer.echo(str(make_workload(folder, frames, options).project))
+            return
+        if huge:
+            told = grow(frames, texture_size, options, folder, estimator, preset, say.print)
+            _print(told, huge_sheets(told), json)
             return
         wanted = Wanted(
             frames, texture_size, estimator, preset, tuple(threads or ()), slope, auto, scaling,
@@ -82,13 +93,22 @@ def bench(
     except SvbrdfError as error:
         say.print(f"Error: {error}", style="red", markup=False)
         raise typer.Exit(1) from None
+    _print(told, sheets(told), json)
+    names = {"first": "a first run on next to nothing", "second": "the same again"}
+    for name, figures in told["kernels"].items():
+        typer.echo(
+            f"{names.get(name, name)}: {figures['seconds']:.1f} s, "
+            f"{figures['cpu_seconds']:.1f} CPU s"
+        )
+
+
+def _print(told: dict[str, Any], tables: list[Sheet], json: Path | None) -> None:
+    from json import dumps
+
+    from rich.console import Console
+
     if json is not None:
         json.write_text(dumps(told, indent=1) + "\n", encoding="utf-8")
     shown = Console(width=None if Console().is_terminal else 160)
-    for sheet in sheets(told):
-        shown.print(sheet.rich())
-    kernels = told["kernels"]
-    for name, figures in kernels.items():
-        typer.echo(
-            f"kernels, {name}: {figures['seconds']:.1f} s, {figures['cpu_seconds']:.1f} CPU s"
-        )
+    for table in tables:
+        shown.print(table.rich())

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from .analysis import KINDS, by_stage, exponents, roofline, slope, total
+from .first_run import first_run
 from .machine import machine, measure
 from .score import score
 from .workload import Options, Workload, make_workload
@@ -135,16 +136,11 @@ class _Bench:
         return told
 
     def _kernels(self) -> Figures:
-        """Seconds that loading the kernels takes, and compiling them where that was asked for."""
-        measure("warm", estimator=self.wanted.estimator)
-        told = {"loading": measure("warm", estimator=self.wanted.estimator)}
-        if self.wanted.cold:
-            self.say("compiling all kernels anew")
-            with tempfile.TemporaryDirectory(prefix="svbrdf-kernels-") as cache:
-                told["compiling"] = measure(
-                    "warm", None, {"NUMBA_CACHE_DIR": cache}, estimator=self.wanted.estimator
-                )
-        return told
+        """What a user's first run waits for kernels, where that was asked for."""
+        if not self.wanted.cold:
+            return {}
+        self.say("a first run on next to nothing: all kernels are compiled")
+        return first_run(self.wanted.estimator)
 
     def _registration(self) -> Figures:
         """What it takes to register some frames of the workload, from the first one's camera."""

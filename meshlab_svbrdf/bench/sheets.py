@@ -11,7 +11,7 @@ from .analysis import KINDS, paper_row, total
 Figures = dict[str, Any]
 GPU = {"environment": 0.145, "diffuse": 0.143, "specular": 0.055}  # the paper's, s a frame
 REGISTRATION = "2000 ms"  # the paper's: two seconds a frame
-MIB = 1 << 20
+MIB, GIB = 1 << 20, 1 << 30
 PAPER = "The paper's columns: time of all frames (of each)"
 
 
@@ -187,6 +187,37 @@ def _roofline(found: Figures) -> Sheet:
             f"Decoding: {found['megapixels']:.0f} Mpixel/s of {found['format']}.",
         ),
     )
+
+
+def huge_sheets(told: Figures) -> list[Sheet]:
+    """The tables of `huge.huge`."""
+    return [_growth(told[size]) for size in ("texels", "triangles")]
+
+
+def _growth(found: Figures) -> Sheet:
+    aim, (small, large) = found["aim"], found["sizes"]
+    one = found["size"].removesuffix("s")
+    cells = [
+        [
+            row["name"], f"{row['peak'] / MIB:.0f}", f"{row['by_peak']:.0f}",
+            f"{row['aim_peak'] / GIB:.1f}", _s(row["cpu"]), _s(1e6 * row["by_cpu"]),
+            f"{row['aim_cpu'] / 3600:.2f}",
+        ]
+        for row in found["stages"]
+    ]  # fmt: skip
+    cpu, aim_cpu = (sum(row[key] for row in found["stages"]) for key in ("cpu", "aim_cpu"))
+    whole = ["whole", "", "", "", _s(cpu), "", f"{aim_cpu / 3600:.2f}"]
+    return Sheet(
+        f"{large:,} {found['size']}, and what lines through {small:,} and these say of {aim:.2g}",
+        ["stage", "peak MiB", f"bytes a further {one}", "peak GiB then", "CPU s",
+         f"CPU s a further million {found['size']}", "CPU h then"],
+        [*cells, whole],
+        (
+            "Loading the kernels counts in CPU s, not in what a further million takes.",
+            f"Results on disk: {found['disk'] / MIB:.0f} MiB, {found['by_disk']:.0f} bytes a "
+            f"further {one}, {found['aim_disk'] / GIB:.0f} GiB then.",
+        ),
+    )  # fmt: skip
 
 
 def _s(seconds: float) -> str:

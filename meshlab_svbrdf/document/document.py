@@ -252,19 +252,23 @@ class Document(Products):
             )
         return mesh
 
-    def set_uv(self, uv: np.ndarray) -> None:
+    def set_uv(self, uv: np.ndarray, texture_index: np.ndarray | None = None) -> None:
         """Stage texture coordinates (F, 3, 2) for the object, in place of its file's, as float32.
 
-        They lie in one texture. A filter that does not call this leaves the file's in force.
+        texture_index : (F,) int32; None: they lie in one texture. A filter that does not call this
+            leaves the file's in force.
         """
         self.set_array("uv", np.asarray(uv, np.float32))
+        if texture_index is not None:
+            self.set_array("uv_texture", np.asarray(texture_index, np.int32))
 
     def _local_mesh(self, layer: Layer) -> Mesh:
         if layer is not self.object_layer():
             return layer.read().mesh
         mesh = self._given_mesh(layer)
         if self.has_array("uv"):
-            mesh = replace(mesh, uv=self.array("uv").astype(np.float64), texture_index=None)
+            index = self.array("uv_texture") if self.has_array("uv_texture") else None
+            mesh = replace(mesh, uv=self.array("uv").astype(np.float64), texture_index=index)
         return mesh
 
     def _given_mesh(self, layer: Layer) -> Mesh:

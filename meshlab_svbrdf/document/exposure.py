@@ -10,6 +10,7 @@ from typing import Any
 from PIL import ExifTags, Image
 
 from ..errors import DocumentError
+from .deep_images import kind_of
 
 
 def read_exposure(path: str | Path) -> float | None:
@@ -20,12 +21,15 @@ def read_exposure(path: str | Path) -> float | None:
 
     Returns
     -------
-    float > 0, or None where a tag is missing, zero, infinite or no number
+    float > 0, or None where a tag is missing, zero, infinite or no number, or in images of floats,
+    which say nothing of it
 
     Raises
     ------
     DocumentError : the file does not exist or is no image.
     """
+    if kind_of(Path(path)) == "float":
+        return None
     try:
         # Pillow warns of broken tags, which count as missing here
         with warnings.catch_warnings():

@@ -19,13 +19,13 @@ from PIL import Image
 from ..errors import DocumentError
 from ..geometry.lens import Lens
 from ..progress import Progress
-from .images import read_frame
+from .deep_images import kind_of, read_seen, read_values
 from .project_entries import absolute
 from .video import VideoReader
 from .video_file import frame_times
 from .video_names import VideoFrame, name_frame
 
-IMAGES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp", ".webp")
+IMAGES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp", ".webp", ".exr", ".hdr")
 BLOCK = 24  # frames of a video that are decoded at a time where they are read backwards
 SMALL = 640  # pixels: sharpness is judged at this width
 
@@ -185,7 +185,7 @@ class ClipFrames:
         if not 0 <= index < len(self.clip):
             raise IndexError(index)
         if not self.clip.is_video:
-            return read_frame(self.clip.files[index], size=self.clip.size)
+            return read_seen(self.clip.files[index], size=self.clip.size)
         if index not in self._held:
             backwards = index < self._last
             start = max(0, index - BLOCK + 1) if backwards else index
@@ -224,6 +224,9 @@ def sharpness(clip: Clip, progress: Progress) -> list[float]:
 
 
 def _size(file: Path) -> tuple[int, int]:
+    if kind_of(file) == "float":
+        height, width = read_values(file).shape[:2]
+        return width, height
     try:
         with Image.open(file) as image:
             return image.size

@@ -13,12 +13,14 @@ from typing import Any
 import numpy as np
 
 from ..errors import DocumentError
+from .coding import Coding, Light
+from .deep_images import as_seen, kind_of, read_seen, read_values
 from .exposure import read_exposure
-from .images import check_size, frame_problem, read_frame, reduced
+from .images import check_size, frame_problem, reduced
 from .project import RasterEntry
 from .video import VideoReader
-from .video_file import video_problem
-from .video_names import VIDEOS, is_frames_folder, video_frames
+from .video_file import coding_of, video_problem
+from .video_names import VIDEOS, VideoFrame, is_frames_folder, video_frames
 
 
 class Frames:
@@ -29,34 +31,68 @@ class Frames:
     may read.
 
     rasters : those that will be asked for
+    coding : how their numbers stand for light, where that is known; None: their files tell
     """
 
-    def __init__(self, rasters: Iterable[RasterEntry]) -> None:
+    def __init__(self, rasters: Iterable[RasterEntry], coding: Coding | None = None) -> None:
+        self.coding = coding or Coding()
         self.videos = video_frames(raster.path for raster in rasters)
         self._readers: dict[Path, VideoReader] = {}
         self._lock = Lock()
         self._video_problem = cache(video_problem)
+        self._video_coding = cache(coding_of)
 
     def read(self, raster: RasterEntry, reduce: int = 1) -> np.ndarray:
         """The frame, (H, W, 3) uint8, sRGB; `reduce`d, the means of so many pixels each way.
+
+        Of more than 8 bits it is what people would see; `light` tells all.
 
         Raises
         ------
         DocumentError : image or video is missing or damaged, or not of the camera's size.
         """
-        size = (raster.camera.width, raster.camera.height)
+        if self.coding.known:
+            return reduced(as_seen(self.light(raster).radiance, self.coding.white), reduce)
         frame = self.videos.get(raster.path)
         if frame is None:
-            return read_frame(raster.path, label=raster.label, size=size, reduce=reduce)
+            size = (raster.camera.width, raster.camera.height)
+            return read_seen(raster.path, label=raster.label, size=size, reduce=reduce)
+        return reduced(self._shown(raster, frame, False), reduce)
+
+    def light(self, raster: RasterEntry, reduce: int = 1) -> Light:
+        """The frame as linear light, and from where on it is clipped; `reduce`d, means of it.
+
+        Raises DocumentError as `read`, and where its floats are no light.
+        """
+        frame = self.videos.get(raster.path)
+        if frame is None:
+            size = (raster.camera.width, raster.camera.height)
+            values = read_values(raster.path, label=raster.label, size=size)
+            return self.coding.light(values, reduce)
+        told = self._video_coding(frame.video)
+        values = self._shown(raster, frame, told.deep)
+        return self.coding.light(values, reduce, told.transfer, told.wide_gamut)
+
+    def told(self, raster: RasterEntry) -> tuple[str, bool]:
+        """The transfer function that the frame's own file tells, and whether it has more than 8
+        bits; nothing is decoded."""
+        frame = self.videos.get(raster.path)
+        if frame is not None:
+            coding = self._video_coding(frame.video)
+            return coding.transfer, coding.deep
+        kind = kind_of(raster.path)
+        return "linear" if kind == "float" else "srgb", kind != "8"
+
+    def _shown(self, raster: RasterEntry, frame: VideoFrame, deep: bool) -> np.ndarray:
+        """A video's frame as it is coded, undistorted."""
         where = f"raster {raster.label!r}"
         try:
-            image = self._reader(frame.video).read(frame.time)
+            image = self._reader(frame.video).read(frame.time, deep)
         except DocumentError as error:
             raise DocumentError(f"{where}: {error}") from None
+        size = (raster.camera.width, raster.camera.height)
         check_size(image, size, f"{where}: {frame.video}")
-        if frame.lens is not None:
-            image = frame.lens.undistort(image)
-        return reduced(image, reduce)
+        return image if frame.lens is None else frame.lens.undistort(image)
 
     def problem(self, raster: RasterEntry) -> str:
         """What a glance at its file tells against a frame, the file named; "" for nothing."""

@@ -10,7 +10,6 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable
 from functools import cache
-from itertools import count, takewhile
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +20,7 @@ from ..errors import DocumentError, MissingStageError
 from ..filter import INPUTS, Filter, Namespace, Percentage
 from ..geometry.mesh import Mesh
 from .frames import file_stamp
-from .images import texture_files
+from .images import companions
 from .record import ResultFolder, digest
 
 RASTER = "raster "  # before a label: one that a parameter of the kind "rasters" names
@@ -166,8 +165,7 @@ def _key_of(value: Any) -> Any:
             return str(value)
         if value.stat().st_size > HUGE:
             return file_stamp(value)
-        files = takewhile(Path.is_file, (texture_files(value, k + 1)[k] for k in count()))
-        digests = [_file_digest(file) for file in files]
+        digests = [_file_digest(file) for file in companions(value)]
         return digests if len(digests) > 1 else digests[0]
     return value
 

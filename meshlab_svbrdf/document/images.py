@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import glob
 import io
+import re
+from collections.abc import Sequence
 from contextlib import redirect_stdout
+from itertools import count, takewhile
 from pathlib import Path
 
 import cv2
@@ -13,6 +17,8 @@ import OpenEXR
 from ..errors import DocumentError
 from .atomic import replacing
 
+UDIM = re.compile(r"(.+)\.(1\d{3})")
+"""The name, without its suffix, of a UDIM tile's image."""
 _REDUCED_JPEG = {2: cv2.IMREAD_REDUCED_COLOR_2, 4: cv2.IMREAD_REDUCED_COLOR_4}
 
 
@@ -43,15 +49,15 @@ def read_frame(
     DocumentError : the file is missing, cut off, no image, not 8-bit, or of another size.
     """
     where = str(path) if label is None else f"raster {label!r}: {path}"
-    data = _read(path, where)
+    data = read_bytes(path, where)
     if reduce > 1 and data.startswith(b"\xff\xd8"):
         flags = _REDUCED_JPEG[reduce] | cv2.IMREAD_IGNORE_ORIENTATION
-        image = _decoded(data, where, flags)
+        image = decoded(data, where, flags)
         small = None if size is None else (-(-size[0] // reduce), -(-size[1] // reduce))
         check_size(image, small, where)
         return cv2.cvtColor(image, cv2.COLOR_BGR2RGB)
     # UNCHANGED also leaves EXIF orientation alone
-    image = _decoded(data, where, cv2.IMREAD_UNCHANGED)
+    image = decoded(data, where, cv2.IMREAD_UNCHANGED)
     if image.dtype != np.uint8:
         raise DocumentError(
             f"{where}: 8-bit sRGB expected, found {image.dtype}; convert the frame to 8 bits"
@@ -82,7 +88,9 @@ def frame_problem(path: Path) -> str:
         return "does not exist"
     if path.stat().st_size == 0:
         return "is empty"
-    return "" if cv2.haveImageReader(str(path)) else "is not an image that OpenCV reads"
+    if cv2.haveImageReader(str(path)) or path.suffix.lower() == ".exr":
+        return ""
+    return "is not an image that OpenCV reads"
 
 
 def read_mask(
@@ -200,16 +208,33 @@ def read_exr(path: str | Path) -> np.ndarray:
     )
 
 
-def texture_files(path: Path, count: int) -> list[Path]:
-    """The images of `count` textures: NAME.png, NAME.1.png, NAME.2.png …"""
+def texture_files(path: Path, count: int, tiles: Sequence[int] = ()) -> list[Path]:
+    """The images of `count` textures: NAME.png, NAME.1.png, NAME.2.png …
+
+    tiles : numbers of the textures that are UDIM tiles: where `path` is one of NAME.1001.png,
+        NAME.1002.png … they are these
+    """
+    tile = UDIM.fullmatch(path.stem)
+    if tile and tiles:
+        return [path.with_name(f"{tile[1]}.{number}{path.suffix}") for number in tiles]
     return [path] + [path.with_name(f"{path.stem}.{k}{path.suffix}") for k in range(1, count)]
 
 
+def companions(path: Path) -> list[Path]:
+    """All files that may be the images of an object's textures, where the given one is of one."""
+    tile = UDIM.fullmatch(path.stem)
+    if tile:
+        beside = sorted(path.parent.glob(f"{glob.escape(tile[1])}.*{glob.escape(path.suffix)}"))
+        return [file for file in beside if UDIM.fullmatch(file.stem)]
+    return list(takewhile(Path.is_file, (texture_files(path, k + 1)[k] for k in count())))
+
+
 def _decode(path: str | Path, where: str, flags: int) -> np.ndarray:
-    return _decoded(_read(path, where), where, flags)
+    return decoded(read_bytes(path, where), where, flags)
 
 
-def _read(path: str | Path, where: str) -> bytes:
+def read_bytes(path: str | Path, where: str) -> bytes:
+    """An image file; DocumentError where it cannot be read, or is cut off."""
     try:
         data = Path(path).read_bytes()
     except OSError as error:
@@ -219,7 +244,8 @@ def _read(path: str | Path, where: str) -> bytes:
     return data
 
 
-def _decoded(data: bytes, where: str, flags: int) -> np.ndarray:
+def decoded(data: bytes, where: str, flags: int) -> np.ndarray:
+    """An image as OpenCV has it; DocumentError where it is none."""
     try:
         image = cv2.imdecode(np.frombuffer(data, np.uint8), flags) if data else None
     except cv2.error as error:

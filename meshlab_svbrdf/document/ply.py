@@ -144,7 +144,7 @@ def write_ply(
             header += [f"element {name} {len(table)}", *_properties(table.dtype)]
         stream.write("\n".join([*header, "end_header", ""]).encode("utf-8"))
         for table in tables.values():
-            table.tofile(stream)
+            stream.write(table.data)  # tofile does not notice that the disk is full
 
 
 def _read_faces(

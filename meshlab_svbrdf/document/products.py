@@ -4,7 +4,8 @@ Setting stages; `write(...)` commits when its block ends, and forgets everything
 
 texels/NAME.npy   attribute: (T,) or (T, k), one row per texel
 arrays/NAME.npy   any other array; texels themselves are arrays/texels_*.npy
-maps/NAME.png|exr one image per texture of the object; NAME.1.png for the second
+maps/NAME.png|exr one image per texture of the object; NAME.1.png for the second, or NAME.1001.png,
+                  NAME.1002.png … where the textures are UDIM tiles
 layers/LABEL.ply  layers that a filter made
 frames/NAME.jpg   extracted frames of videos
 NAME.json, NAME.png|exr, samples/ …   at the top
@@ -15,7 +16,7 @@ from __future__ import annotations
 import copy
 import re
 import secrets
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, fields
 from pathlib import Path
@@ -72,9 +73,13 @@ class Products:
         names = (re.fullmatch(r"texels/(.+)\.npy", entry) for entry in entries)
         return sorted(name[1] for name in names if name and self._visible(name[0]))
 
-    def attribute(self, name: str) -> np.ndarray:
-        """An attribute of the texels, (T,) or (T, k); `svbrdf_NAME` and NAME are the same."""
-        return read_array(self._find(f"texels/{attribute_name(name)}.npy", f"attribute {name}"))
+    def attribute(self, name: str, *, mmap: bool = False) -> np.ndarray:
+        """An attribute of the texels, (T,) or (T, k); `svbrdf_NAME` and NAME are the same.
+
+        mmap : read only and left in its file
+        """
+        path = self._find(f"texels/{attribute_name(name)}.npy", f"attribute {name}")
+        return read_array(path, mmap=mmap)
 
     def set_attribute(self, name: str, values: np.ndarray) -> None:
         """Stage one value, or row of values, per texel."""
@@ -95,6 +100,10 @@ class Products:
 
     def has_array(self, name: str) -> bool:
         return self._look(f"arrays/{name}.npy") is not None
+
+    def tiles(self) -> list[int]:
+        """The numbers of the textures that are UDIM tiles; [] where they are none."""
+        return self.array("tiles").tolist() if self.has_array("tiles") else []
 
     def texels(self) -> Texels:
         """The texels, as the filter that rasterised them set them."""
@@ -151,16 +160,20 @@ class Products:
     def map_paths(self, name: str, kind: ImageKind = "exr") -> list[Path]:
         """Where a map's images are; empty if there is none."""
         found: list[Path] = []
-        while path := self._look(_map_entry(name, len(found), kind)):
+        while path := self._look(self._map_entry(name, len(found), kind)):
             found.append(path)
         return found
 
+    def map_places(self, name: str, count: int, kind: ImageKind = "exr") -> list[Path]:
+        """Where the images of a map of `count` textures are, or will be."""
+        return [self.folder / self._map_entry(name, index, kind) for index in range(count)]
+
     def set_map(
-        self, name: str, images: np.ndarray | list[np.ndarray], *, kind: ImageKind = "exr"
+        self, name: str, images: np.ndarray | Iterable[np.ndarray], *, kind: ImageKind = "exr"
     ) -> None:
         """Stage a map: float32 for "exr", uint8 or uint16 for "png"; one image per texture."""
         for index, image in enumerate([images] if isinstance(images, np.ndarray) else images):
-            _write(self._stage(_map_entry(name, index, kind)), image)
+            _write(self._stage(self._map_entry(name, index, kind)), image)
 
     def image(self, name: str, kind: ImageKind = "exr") -> np.ndarray:
         return _read(self._find(f"{name}.{kind}", f"image {name}.{kind}"))
@@ -299,6 +312,11 @@ class Products:
         self._writing_now().files.add(entry)
         return self.results.stage(entry)
 
+    def _map_entry(self, name: str, index: int, kind: ImageKind) -> str:
+        tiles = self.tiles()
+        number = tiles[index] if index < len(tiles) else index
+        return f"maps/{name}.{number}.{kind}" if number else f"maps/{name}.{kind}"
+
     def _visible(self, entry: str) -> bool:
         writing = self._writing
         return writing is None or entry in writing.files or entry not in writing.hidden
@@ -313,10 +331,6 @@ class Products:
                 f"there is no {what} in {self.folder.name}: run the filter that makes it first"
             )
         return path
-
-
-def _map_entry(name: str, index: int, kind: ImageKind) -> str:
-    return f"maps/{name}.{kind}" if index == 0 else f"maps/{name}.{index}.{kind}"
 
 
 def _read(path: Path) -> np.ndarray:

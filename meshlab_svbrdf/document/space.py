@@ -15,10 +15,26 @@ def free_bytes(folder: Path) -> int:
 
 
 def memory_bytes_free() -> float:
-    """What this machine's memory still holds; infinite where the system does not tell."""
-    if "SC_AVPHYS_PAGES" not in getattr(os, "sysconf_names", ()):
+    """What this machine's memory still holds; infinite where the system does not tell.
+
+    Files that the system keeps in memory to read them faster make room.
+    """
+    try:
+        lines = Path("/proc/meminfo").read_text().splitlines()
+        return 1024.0 * next(int(x.split()[1]) for x in lines if x.startswith("MemAvailable:"))
+    except (OSError, StopIteration):
+        return _pages("SC_AVPHYS_PAGES")
+
+
+def memory_bytes() -> float:
+    """All of this machine's memory; infinite where the system does not tell."""
+    return _pages("SC_PHYS_PAGES")
+
+
+def _pages(name: str) -> float:
+    if name not in getattr(os, "sysconf_names", ()):
         return float("inf")
-    return os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    return float(os.sysconf(name) * os.sysconf("SC_PAGE_SIZE"))
 
 
 def in_words(size: float) -> str:

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import DocumentError
+from ..npy import write_npy
 from .atomic import named
 
 
@@ -49,4 +50,4 @@ def read_array(path: Path, *, mmap: bool = False) -> np.ndarray:
 def write_array(path: Path, values: np.ndarray) -> None:
     """Write an NPY file; `DocumentError` where the disk is full."""
     with named(path):
-        np.save(path, values, allow_pickle=False)
+        write_npy(path, values)

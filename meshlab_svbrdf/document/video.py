@@ -49,8 +49,8 @@ class VideoReader:
         self._file = ExitStack()
         self._close()
 
-    def read(self, time: float) -> np.ndarray:
-        """The frame shown at `time`, (H, W, 3) uint8.
+    def read(self, time: float, deep: bool = False) -> np.ndarray:
+        """The frame shown at `time`, (H, W, 3) uint8; `deep`: uint16.
 
         Raises
         ------
@@ -72,7 +72,7 @@ class VideoReader:
                 "copy it again, convert it, or remove the raster"
             )
         try:
-            return to_rgb(frame)
+            return to_rgb(frame, deep)
         except (av.FFmpegError, ValueError) as error:
             raise DocumentError(
                 f"{self.path}: its pixels cannot be turned into RGB ({error}); convert it to H.264"

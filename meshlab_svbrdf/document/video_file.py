@@ -2,6 +2,7 @@
 
 opened          the file and its main video stream
 video_problem   what a glance tells against a file
+coding_of       how its numbers stand for light
 Timeline        the time stamps of its frames
 frame_times     the same in seconds
 decoded         its frames, from where the file stands
@@ -24,7 +25,9 @@ from ..errors import DocumentError
 
 # Other demultiplexers take texts, pictures and lists of addresses for videos
 CONTAINERS = "mov,matroska,avi,mpegts,mpeg,asf,flv,ogg,mxf,nut,dv"
-HDR = {16: "PQ", 18: "HLG"}
+TRANSFERS = {8: "linear", 16: "pq", 18: "hlg"}
+"""By the number of ITU-T H.273; all others are shown as sRGB is."""
+BT2020 = 9
 SAME = 1e-3  # seconds: a copy in another container may round its times to milliseconds
 
 
@@ -49,12 +52,6 @@ def opened(path: Path) -> Iterator[tuple[av.container.InputContainer, av.VideoSt
             raise DocumentError(f"{path}: holds no video; give the file that has the pictures")
         if stream.codec_context is None:
             raise DocumentError(f"{path}: its codec is not known; convert it to H.264")
-        transfer = HDR.get(int(stream.codec_context.color_trc))
-        if transfer:
-            raise DocumentError(
-                f"{path}: is HDR ({transfer}), which is not sRGB; film in standard dynamic range, "
-                "or convert it to Rec. 709"
-            )
         yield container, stream
 
 
@@ -65,6 +62,31 @@ def video_problem(path: Path) -> str:
             return ""
     except DocumentError as error:
         return str(error)
+
+
+@dataclass(frozen=True)
+class VideoCoding:
+    """transfer : "srgb" where the file names none other than that of standard dynamic range
+
+    deep : more than 8 bits; wide_gamut : BT.2020's primaries
+    """
+
+    transfer: str
+    deep: bool
+    wide_gamut: bool
+
+
+def coding_of(path: Path) -> VideoCoding:
+    """What a video's head says of its pixels; DocumentError as `opened`."""
+    with opened(path) as (_, stream):
+        context = stream.codec_context
+        parts = context.format.components if context.format else ()
+        bits = max((part.bits for part in parts), default=8)
+        return VideoCoding(
+            TRANSFERS.get(int(context.color_trc), "srgb"),
+            bits > 8,
+            int(context.color_primaries) == BT2020,
+        )
 
 
 @dataclass(frozen=True)
@@ -132,8 +154,8 @@ def frame_times(path: str | Path) -> np.ndarray:
 
     Raises
     ------
-    DocumentError : the file is missing, no video, cut off so that it cannot be opened, HDR, or
-        without time stamps.
+    DocumentError : the file is missing, no video, cut off so that it cannot be opened, or without
+        time stamps.
     """
     return Timeline.read(Path(path)).times
 

@@ -17,8 +17,8 @@ TICK = Fraction(1, 1000)  # a graph wants one; no time goes through it
 EXACT = "flags=bicubic+accurate_rnd+full_chroma_int+full_chroma_inp"
 
 
-def to_rgb(frame: av.VideoFrame) -> np.ndarray:
-    """The picture as (H, W, 3) uint8, coded as the video's own R'G'B'.
+def to_rgb(frame: av.VideoFrame, deep: bool = False) -> np.ndarray:
+    """The picture as (H, W, 3) uint8, coded as the video's own R'G'B'; `deep`: uint16.
 
     Where the video does not name its matrix, that is Rec. 709 above 576 lines, else Rec. 601; where
     it does not name its range, it is limited. Chroma is interpolated bicubically.
@@ -36,7 +36,7 @@ def to_rgb(frame: av.VideoFrame) -> np.ndarray:
     scale = graph.add(
         "scale", f"in_color_matrix={matrix}:in_range={'pc' if full else 'tv'}:out_range=pc:{EXACT}"
     )
-    rgb, sink = graph.add("format", "rgb24"), graph.add("buffersink")
+    rgb, sink = graph.add("format", "rgb48le" if deep else "rgb24"), graph.add("buffersink")
     source.link_to(scale)
     scale.link_to(rgb)
     rgb.link_to(sink)

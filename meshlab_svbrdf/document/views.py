@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 OBJECT = "layers/object.ply"
 QUALITY = "threshold"  # the statistic shown until another is chosen
+SHOWN_MOST = 5_000_000
+"""Points of the layer of texels; of more texels every n-th along the surface is shown."""
 
 
 def write_views(document: Document) -> list[Layer]:
@@ -87,7 +89,7 @@ class _Views:
                     self.ours.append(Layer(label, path, matrix, layer["visible"]))
 
     def texels(self) -> None:
-        """One point per texel, with every attribute that belongs to these texels."""
+        """One point per texel (at most SHOWN_MOST), with every attribute of these texels."""
         document = self.document
         if "arrays/texels_face.npy" not in self.files:
             return
@@ -98,8 +100,10 @@ class _Views:
         matrix[:3, 3] = document.array("texels_center")
         if self._changed(entry, [keys, quality]):
             images = document.map("diffuse", "png") if self._textures("diffuse") else None
-            attributes = {name: document.attribute(name) for name in names}
-            content = texels_content(document.texels(), attributes, images, quality)
+            texels = document.texels()
+            step = -(-len(texels) // SHOWN_MOST)
+            attributes = {name: document.attribute(name, mmap=True)[::step] for name in names}
+            content = texels_content(texels.every(step), attributes, images, quality)
             write_layer(self._path(entry), content)
         self._add("texels", entry, matrix)
 

@@ -9,9 +9,10 @@ from __future__ import annotations
 import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
 
+from ..blocks import blocks
 from ..jit import kernel
+from .nearest import nearest, tree_of
 
 # Generally don't change these: a square grid has its diagonal at 1.4 spacings and a seam between
 # two charts puts a texel at most about 2 away; k = 8 is a square's ring.
@@ -46,7 +47,7 @@ def neighbours(
     k = min(k, texels - 1)
     if k < 1:
         return np.zeros(texels + 1, np.int64), np.zeros(0, np.int32)
-    distance, index = _nearest(position, k)
+    distance, index = nearest(position, k + 1)
     limit = reach * _local_spacing(distance)
     return _symmetrise(distance, index, limit, np.ascontiguousarray(normal, np.float32))
 
@@ -60,7 +61,7 @@ def spacing(position: np.ndarray) -> float:
     if k < 1:
         return 0.0
     asked = position[:: 1 + len(position) // 20000]
-    distance, _ = _tree(position).query(asked, k=[k + 1], workers=-1)
+    distance, _ = tree_of(position).query(asked, k=[k + 1], workers=-1)
     return float(np.median(distance))
 
 
@@ -84,27 +85,20 @@ def thin(position: np.ndarray, normal: np.ndarray, count: int) -> np.ndarray:
     """
     if len(position) <= count:
         return np.arange(len(position))
-    octant = (normal > 0) @ np.array([1, 2, 4])
+    low, high = position.min(0), position.max(0)
+    key = np.empty(len(position), np.int64)
 
     # Occupied cells go with the inverse square of their size
     cell = spacing(position) * np.sqrt(len(position) / count)
     for _ in range(4):
-        grid = np.floor((position - position.min(0)) / cell).astype(np.int64)
-        extent = grid.max(0) + 1
-        key = ((grid[:, 0] * extent[1] + grid[:, 1]) * extent[2] + grid[:, 2]) * 8 + octant
+        extent = np.floor((high - low) / cell).astype(np.int64) + 1
+        for own in blocks(len(position)):
+            grid = np.floor((position[own] - low) / cell).astype(np.int64)
+            octant = (normal[own] > 0) @ np.array([1, 2, 4])
+            key[own] = ((grid[:, 0] * extent[1] + grid[:, 1]) * extent[2] + grid[:, 2]) * 8 + octant
         chosen = np.unique(key, return_index=True)[1]
         cell *= np.sqrt(len(chosen) / count)
     return np.sort(chosen)
-
-
-def _tree(position: np.ndarray) -> cKDTree:
-    return cKDTree(position, balanced_tree=False, compact_nodes=False)
-
-
-def _nearest(position: np.ndarray, k: int) -> tuple[np.ndarray, np.ndarray]:
-    """Distances (T, k + 1) float32 and indices (T, k + 1) int32, the texel itself among them."""
-    distance, index = _tree(position).query(position, k=k + 1, workers=-1)
-    return distance.astype(np.float32), index.astype(np.int32)
 
 
 def _local_spacing(distance: np.ndarray) -> np.ndarray:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..blocks import blocks
 from ..jit import kernel
 from .adjacency import neighbours
 from .tangents import tangents
@@ -19,9 +20,10 @@ FLATTEST_CELL = 1e-3
 @kernel
 def _surface_shape(indptr, indices, position, normal, shape):
     """Least squares of n_j − n_i = S (x_j − x_i) over the neighbours, in the tangent plane."""
-    axes, b, moment = np.empty((2, 3)), np.empty(3), np.empty((2, 3))
+    n, axes, b, moment = np.empty(3), np.empty((2, 3)), np.empty(3), np.empty((2, 3))
     for i in range(len(position)):
-        n = normal[i]
+        for c in range(3):
+            n[c] = normal[i, c]
         (axes[0, 0], axes[0, 1], axes[0, 2], axes[1, 0], axes[1, 1], axes[1, 2]) = tangents(
             n[0], n[1], n[2]
         )
@@ -32,10 +34,10 @@ def _surface_shape(indptr, indices, position, normal, shape):
             j = indices[e]
             p, q = 0.0, 0.0
             for c in range(3):
-                step = position[j, c] - position[i, c]
+                step = np.float64(position[j, c]) - np.float64(position[i, c])
                 p += step * axes[0, c]
                 q += step * axes[1, c]
-                b[c] = normal[j, c] - n[c]
+                b[c] = np.float64(normal[j, c]) - n[c]
             aa, ab, bb = aa + p * p, ab + p * q, bb + q * q
             for c in range(3):
                 moment[0, c] += p * b[c]
@@ -60,8 +62,8 @@ def surface_shape(position: np.ndarray, normal: np.ndarray) -> np.ndarray:
     """
     shape = np.empty((len(position), 3, 3), np.float32)
     _surface_shape(
-        *neighbours(position, normal), np.asarray(position, np.float64),
-        np.asarray(normal, np.float64), shape,
+        *neighbours(position, normal), np.ascontiguousarray(position),
+        np.ascontiguousarray(normal), shape,
     )  # fmt: skip
     return shape
 
@@ -69,7 +71,10 @@ def surface_shape(position: np.ndarray, normal: np.ndarray) -> np.ndarray:
 def steepest_turn(shape: np.ndarray) -> np.ndarray:
     """The largest turn of the normal per unit of x in any direction, (T,); inf where not known."""
     # Of SᵀS two eigenvalues are not 0: they follow from their sum and that of their squares
-    square = np.einsum("tij,tik->tjk", shape, shape, dtype=np.float64)
-    trace, squares = np.einsum("tii->t", square), np.einsum("tij,tij->t", square, square)
-    largest = (trace + np.sqrt(np.maximum(2 * squares - trace**2, 0))) / 2
-    return np.where(np.isfinite(largest), np.sqrt(largest), np.inf)
+    turn = np.empty(len(shape))
+    for own in blocks(len(shape)):
+        square = np.einsum("tij,tik->tjk", shape[own], shape[own], dtype=np.float64)
+        trace, squares = np.einsum("tii->t", square), np.einsum("tij,tij->t", square, square)
+        largest = (trace + np.sqrt(np.maximum(2 * squares - trace**2, 0))) / 2
+        turn[own] = np.where(np.isfinite(largest), np.sqrt(largest), np.inf)
+    return turn

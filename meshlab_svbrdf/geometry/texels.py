@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..blocks import blocks
 from ..jit import kernel
 from .groups import walk
 from .mesh import Mesh
@@ -36,6 +38,11 @@ class Texels:
     def __len__(self) -> int:
         return len(self.face)
 
+    def every(self, step: int) -> Texels:
+        """Every `step`-th texel."""
+        each = ("position", "normal", "face", "barycentric", "texture", "row", "col")
+        return replace(self, **{name: getattr(self, name)[::step] for name in each})
+
     def smooth_normals(self, mesh: Mesh) -> np.ndarray:
         """The mesh's own normals at the texels (T, 3), unit, whatever was baked or corrected; the
         texel's where the mesh has none."""
@@ -46,11 +53,15 @@ class Texels:
 
     def to_images(self, values: np.ndarray, fill=np.nan) -> list[np.ndarray]:
         """Per-texel values (T,) or (T, C) as one image per texture, `fill` outside the charts."""
-        images = [np.full((*size, *values.shape[1:]), fill, values.dtype) for size in self.sizes]
-        for index, image in enumerate(images):
-            here = self.texture == index
+        return list(self.images(values, fill))
+
+    def images(self, values: np.ndarray, fill=np.nan) -> Iterator[np.ndarray]:
+        """The same, one image after the other."""
+        for index, size in enumerate(self.sizes):
+            image = np.full((*size, *values.shape[1:]), fill, values.dtype)
+            here = np.flatnonzero(self.texture == index) if len(self.sizes) > 1 else slice(None)
             image[self.row[here], self.col[here]] = values[here]
-        return images
+            yield image
 
 
 @kernel
@@ -110,24 +121,29 @@ def rasterise_texels(mesh: Mesh, sizes: tuple[tuple[int, int], ...]) -> Texels:
         _cover(np.ascontiguousarray(corners), usable, owner, barycentric)
         row, col = np.nonzero(owner >= 0)
         parts.append(
-            (owner[row, col], barycentric[row, col], np.full(len(row), index, np.uint8), row, col)
-        )
+            (
+                owner[row, col], barycentric[row, col], np.full(len(row), index, np.uint8),
+                row.astype(np.int32), col.astype(np.int32),
+            )
+        )  # fmt: skip
     face, barycentric, texture, row, col = (
         np.concatenate(part) for part in zip(*parts, strict=True)
     )
 
     center = mesh.center
-    corners = mesh.faces[face]
-    position = np.einsum(
-        "tc,tcd->td", barycentric, (mesh.vertices - center).astype(np.float32)[corners]
-    )
-    normal = np.einsum("tc,tcd->td", barycentric, mesh.vertex_normals().astype(np.float32)[corners])
+    places = (mesh.vertices - center).astype(np.float32)
+    directions = mesh.vertex_normals().astype(np.float32)
+    position, normal = np.empty((2, len(face), 3), np.float32)
+    for own in blocks(len(face)):
+        corners = mesh.faces[face[own]]
+        position[own] = np.einsum("tc,tcd->td", barycentric[own], places[corners])
+        normal[own] = np.einsum("tc,tcd->td", barycentric[own], directions[corners])
     normal = _unit_or_face(normal, mesh, face)
     order = walk(position) if len(face) else np.arange(0)
     return Texels(
         np.ascontiguousarray(position[order]), np.ascontiguousarray(normal[order]),
         face[order], barycentric[order], texture[order],
-        row[order].astype(np.int32), col[order].astype(np.int32), center, mesh.radius, tuple(sizes),
+        row[order], col[order], center, mesh.radius, tuple(sizes),
     )  # fmt: skip
 
 

@@ -35,6 +35,8 @@ AGREEING = 0.03
 what 512 rays leave out."""
 NEAR = 0.05
 """Radii, up to which a neighbour's obstacles are those of a vertex."""
+FEW = 10_000
+"""Rays that are shot before threads to share them have started."""
 _HALF_LEGENDRE = np.array([1, 1 / 2, 0, -1 / 8, 0, 1 / 16])  # ∫₀¹ P_l
 
 
@@ -270,12 +272,13 @@ def directional_visibility(
         seen[front, light] = ~blocked
 
     pieces = [slice(s, min(s + 2**18, len(points))) for s in range(0, len(points), 2**18)]
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        list(
-            pool.map(
-                shadow, *zip(*[(k, s) for k in range(len(lights)) for s in pieces], strict=True)
-            )
-        )
+    tasks = [(k, s) for k in range(len(lights)) for s in pieces]
+    if len(points) * len(lights) < FEW:
+        for task in tasks:
+            shadow(*task)
+    else:
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
+            list(pool.map(lambda task: shadow(*task), tasks))
     return seen
 
 

@@ -78,6 +78,10 @@ UNFITTED = Rate(0.5, {"once": 0.5, "texels": 2.0, "samples": 0.05})
 """Of GLOSS where nothing is fitted."""
 PROGRAM_BYTES, MATERIAL_BYTES, TEXEL_BYTES, FITTED_BYTES = 250e6, 1620.0, 400.0, 60.0
 """Of memory: of the program; per texel, while materials grow and else; per fitted sample."""
+GROWN_TEXELS = 1e6
+"""Materials grow on no more than these (`reflectance.materials.segment_surface`)."""
+MESH_BYTES = 900.0
+"""Of memory, per vertex, while charts are checked and rays are shot."""
 RESULT_BYTES, VERTEX_BYTES, MAP_BYTES = 300.0, 300.0, 5e6
 """On disk: per texel, per vertex, and of the environment map."""
 
@@ -133,23 +137,29 @@ def result_bytes(work: Work) -> float:
 
 
 def memory_bytes(work: Work, held: int) -> float:
-    """Resident memory at its peak: of projecting, of growing materials, or of the fit.
+    """Resident memory at its peak: of projecting, of growing materials, of the fit, or of the mesh.
 
     held : bytes of samples that are held before a chunk is written
     """
+    frame = HELD_BYTES * min(work.samples / max(work.frames, 1), work.texels)
     projecting = min(float(held), HELD_BYTES * work.samples) * (2 + SAMPLE_BYTES / HELD_BYTES)
+    projecting += 3 * work.cores * frame  # sampled ahead, and while they are
     fitting = FITTED_BYTES * min(work.samples, work.fitted)
     at_texels = TEXEL_BYTES * work.texels + max(projecting, fitting)
-    return PROGRAM_BYTES + max(at_texels, MATERIAL_BYTES * work.texels)
+    growing = MATERIAL_BYTES * min(work.texels, GROWN_TEXELS) + TEXEL_BYTES / 2 * work.texels
+    return PROGRAM_BYTES + max(at_texels, growing, MESH_BYTES * work.vertices)
 
 
-def store_bytes(samples: float, texels: float, frames: int, memory: int) -> float:
+def store_bytes(samples: float, texels: float, frames: int, memory: int, bits: int = 8) -> float:
     """The sample store's size on disk.
 
     memory : bytes of samples that are held before a chunk is written
+    bits : of each sample's four values, 8 or 16
     """
-    chunks = max(np.ceil(frames / CHUNK_FRAMES), np.ceil(samples * HELD_BYTES / max(memory, 1)))
-    return SAMPLE_BYTES * samples + OFFSET_BYTES * (texels + 1) * float(chunks)
+    more = (bits - 8) / 2
+    held = samples * (HELD_BYTES + more)
+    chunks = max(np.ceil(frames / CHUNK_FRAMES), np.ceil(held / max(memory, 1)))
+    return (SAMPLE_BYTES + more) * samples + OFFSET_BYTES * (texels + 1) * float(chunks)
 
 
 def yardstick(repeats: int = 5) -> float:

@@ -8,15 +8,18 @@ most alike in albedo, whatever the lamps do between them: the sum of |ln a_i −
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import minimize_scalar
 
 from ..geometry.adjacency import neighbours, thin
-from ..geometry.harmonics import COEFFICIENTS, basis
+from ..geometry.harmonics import COEFFICIENTS, evaluate
 from ..geometry.texels import Texels
+from ..jit import kernel
 from ..samples.observations import Observations
+from ..threads import thread_count
 from .lights import Light
 from .phong import cast_shadows, lamps, light_texels
 
@@ -26,6 +29,7 @@ NEIGHBOURS, REACH = 12, 3.0
 DARKEST = 0.5
 """Luminance units, below which D tells no ratio."""
 GROUPS = 8
+PIECE = 1 << 14
 CERTAIN = 3.0
 """Standard errors, from which on the ambient light counts as seen."""
 LEAST, MOST = 1e-3, 10.0
@@ -55,12 +59,27 @@ def openness(
         return np.ones(len(normal))
     zonal = np.repeat(_COSINE, [2 * l + 1 for l in range(len(_COSINE))])[:COEFFICIENTS]
     share = np.empty(len(normal))
-    for first in range(0, len(normal), 1 << 16):
-        own = slice(first, first + (1 << 16))
-        corners = coefficients[faces[texels.face[own]]]
-        seen = np.einsum("tc,tck->tk", texels.barycentric[own], corners)
-        share[own] = (seen * zonal * basis(normal[own])).sum(1)
+    weighted = coefficients * zonal
+
+    def work(first: int) -> None:
+        stop = min(first + PIECE, len(normal))
+        _openness(first, stop, faces, texels.face, texels.barycentric, weighted, normal, share)
+
+    with ThreadPoolExecutor(thread_count()) as pool:
+        list(pool.map(work, range(0, len(normal), PIECE)))
     return np.clip(share, 0, 1)
+
+
+@kernel
+def _openness(first, stop, faces, face, barycentric, coefficients, normal, share):
+    """The harmonics (V, 36) at the normals of the texels first..stop."""
+    own = np.empty(coefficients.shape[1])
+    for t in range(first, stop):
+        for k in range(len(own)):
+            own[k] = 0.0
+            for c in range(3):
+                own[k] += barycentric[t, c] * coefficients[faces[face[t], c], k]
+        share[t] = evaluate(own, normal[t, 0], normal[t, 1], normal[t, 2])
 
 
 def irradiance(observations: Observations, texels: np.ndarray, lights: list[Light]) -> np.ndarray:

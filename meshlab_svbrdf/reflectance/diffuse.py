@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import NamedTuple
 
@@ -20,7 +21,14 @@ from ..samples.observations import (
     visibility,
 )
 from ..samples.store import Block
-from .directions import look_up, octahedral_cell, octahedral_directions
+from ..threads import thread_count
+from .directions import (
+    look_up,
+    octahedral_cell,
+    octahedral_cells,
+    octahedral_directions,
+    pixel,
+)
 from .rows import luminances, read_row
 from .threshold import LuminanceStatistics
 
@@ -34,7 +42,7 @@ DARK = np.float32(-1e6)
 class _Lit(NamedTuple):
     """Where light comes from, as the kernel looks it up.
 
-    averaged : (C, C) float32, ln of eq. 4 without visibility, or `DARK`
+    averaged : (C²,) float32, ln of eq. 4 without visibility, or `DARK`, cell by cell
     plain : (C, C) float32, the map; per_direction : eq. 4 to the letter, in `plain`
     cosines, sines, phis, weights : (16,) float32, the cone's directions and g
     """
@@ -79,14 +87,50 @@ def cone_weights(cone: float, kernel: str, rings: int = 4) -> np.ndarray:
     return np.exp(-0.5 * ((1 - cos) / np.cos(np.radians(cone))) ** 2)
 
 
+@kernel
+def _across(x, y, z):
+    """The two axes across (x, y, z) of `cone_directions`."""
+    sign = 1.0 if z >= 0 else -1.0
+    a = -1.0 / (sign + z)
+    return (
+        1.0 + sign * x * x * a, sign * x * y * a, -sign * x,
+        x * y * a, sign + y * y * a, -y,
+    )  # fmt: skip
+
+
 def cone_average(probability: np.ndarray, cone: float, kernel: str = "angle") -> np.ndarray:
     """Eq. 4 without visibility, for every mirror direction: an octahedral map (C, C) float32."""
     out = np.empty((_CELLS, _CELLS), np.float32)
+    rays = cone_directions(np.array([0, 0, 1.0]), cone)
     weights = cone_weights(cone, kernel)
-    for row, axes in enumerate(octahedral_directions(_CELLS)):
-        values = look_up(probability, cone_directions(axes, cone).reshape(-1, 3))
-        out[row] = values.reshape(_CELLS, -1) @ weights / weights.sum()
+    axes = octahedral_directions(_CELLS)
+
+    def work(row: int) -> None:
+        _cone_averages(probability, axes[row], rays, weights / weights.sum(), out[row])
+
+    with ThreadPoolExecutor(thread_count()) as pool:
+        list(pool.map(work, range(_CELLS)))
     return out
+
+
+@kernel
+def _cone_averages(probability, axes, rays, weights, out):
+    """The map's weighted means over cones about unit axes (N, 3), to out (N,).
+
+    rays : (16, 3), a cone's directions about +z
+    """
+    for i in range(len(axes)):
+        x, y, z = axes[i, 0], axes[i, 1], axes[i, 2]
+        ux, uy, uz, vx, vy, vz = _across(x, y, z)
+        total = 0.0
+        for k in range(len(rays)):
+            a, b, c = rays[k, 0], rays[k, 1], rays[k, 2]
+            row, col = pixel(
+                c * x + a * ux + b * vx, c * y + a * uy + b * vy, c * z + a * uz + b * vz,
+                probability.shape[0],
+            )  # fmt: skip
+            total += weights[k] * probability[row, col]
+        out[i] = total
 
 
 @kernel
@@ -111,10 +155,7 @@ def _cone_with_visibility(lit, coefficients, x, y, z):
         lit.plain, lit.cosines, lit.sines, lit.phis, lit.weights,
     )  # fmt: skip
     height = probability.shape[0]
-    sign = 1.0 if z >= 0 else -1.0
-    a = -1.0 / (sign + z)
-    ux, uy, uz = 1.0 + sign * x * x * a, sign * x * y * a, -sign * x
-    vx, vy, vz = x * y * a, sign + y * y * a, -y
+    ux, uy, uz, vx, vy, vz = _across(x, y, z)
     top, bottom = 0.0, 0.0
     for k in range(len(weights)):
         c, s1, s2 = cosines[k], sines[k] * np.cos(phis[k]), sines[k] * np.sin(phis[k])
@@ -128,7 +169,7 @@ def _cone_with_visibility(lit, coefficients, x, y, z):
 
 
 @kernel
-def _specular_weights(block, view, i, threshold, minimum, ys, lit, letter, rows, ws):
+def _specular_weights(block, view, i, threshold, minimum, ys, lit, letter, rows, cell, ws):
     """Weigh each sample of the block's texel i by how surely it is diffuse, or by s to the letter.
 
     Whole rows of samples at a time, for the compiler makes vector instructions of such loops.
@@ -137,9 +178,9 @@ def _specular_weights(block, view, i, threshold, minimum, ys, lit, letter, rows,
     n, coefficients, one = stop - first, np.empty(36, np.float32), np.float32(1)
     x, y, z, log_b, seen = rows[0, :n], rows[1, :n], rows[2, :n], rows[3, :n], rows[4, :n]
     mirrors(view, t, block.frame[first:stop], x, y, z)
+    octahedral_cells(x, y, z, lit.plain.shape[0], cell)
     for j in range(n):
-        row, col = octahedral_cell(x[j], y[j], z[j], lit.averaged.shape[0])
-        log_b[j] = lit.averaged[row, col]
+        log_b[j] = lit.averaged[cell[j]]
     if fill_visibility(view, t, coefficients):
         if lit.per_direction:
             for j in range(n):
@@ -171,20 +212,25 @@ def _weighted_bound(ys, ws, otherwise):
 
 
 @kernel(fastmath=FAST)
-def _mean_below(ys, bound, quality, values):
-    """Mean of the values, weighted by quality, where Y is no more than the bound; NaN for none."""
-    total, weight = 0.0, 0.0
+def _mean_below(ys, bound, quality, red, green, blue):
+    """Mean colour, weighted by quality, where Y is no more than the bound; NaN for none."""
+    r = g = b = weight = np.float64(0)
     for j in range(len(ys)):
-        below = ys[j] <= bound
-        total += quality[j] * values[j] if below else 0.0
-        weight += quality[j] if below else 0.0
-    return total / weight if weight > 0 else np.nan
+        q = quality[j] if ys[j] <= bound else np.float32(0)
+        r += q * red[j]
+        g += q * green[j]
+        b += q * blue[j]
+        weight += q
+    if not weight > 0:
+        return np.nan, np.nan, np.nan
+    return r / weight, g / weight, b / weight
 
 
 @kernel
 def _diffuse(block, view, threshold, minimum, lit, letter, method, out):
     most = longest(block.offsets, 0, block.stop - block.first)
     buffer, rows = np.empty((6, most), np.float32), np.empty((5, most), np.float32)
+    cell = np.empty(most, np.uint32)
     for i in range(block.stop - block.first):
         t, first = block.first + i, block.offsets[i]
         n = block.offsets[i + 1] - first
@@ -196,7 +242,9 @@ def _diffuse(block, view, threshold, minimum, lit, letter, method, out):
         luminances(n, red, green, blue, ys)
         # Bound the diffuse samples
         if method == _STATISTICAL:
-            _specular_weights(block, view, i, threshold[t], minimum[t], ys, lit, letter, rows, ws)
+            _specular_weights(
+                block, view, i, threshold[t], minimum[t], ys, lit, letter, rows, cell, ws
+            )
             bound = float(_weighted_bound(ys, ws, threshold[t]))
         elif method == _TRIMMED:
             median = quantile(ys, 0.5)
@@ -207,9 +255,7 @@ def _diffuse(block, view, threshold, minimum, lit, letter, method, out):
             bound = float(quantile(ys, 0.25))
         # Average the colours below the bound (eq. 6)
         limit = np.float32(bound + 1e-4)
-        out[i, 0] = _mean_below(ys, limit, quality, red)
-        out[i, 1] = _mean_below(ys, limit, quality, green)
-        out[i, 2] = _mean_below(ys, limit, quality, blue)
+        out[i, 0], out[i, 1], out[i, 2] = _mean_below(ys, limit, quality, red, green, blue)
 
 
 def diffuse_color(
@@ -242,7 +288,7 @@ def diffuse_color(
     )
     rays = cone_directions(np.array([0, 0, 1.0]), cone).astype(np.float32)
     lit = _Lit(
-        np.log(averaged, out=np.full_like(averaged, DARK), where=averaged > 0),
+        np.log(averaged, out=np.full_like(averaged, DARK), where=averaged > 0).ravel(),
         plain.astype(np.float32), cone_visibility,
         rays[:, 2].copy(), np.hypot(rays[:, 0], rays[:, 1]), np.arctan2(rays[:, 1], rays[:, 0]),
         cone_weights(cone, cone_kernel).astype(np.float32),

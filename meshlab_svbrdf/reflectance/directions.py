@@ -72,3 +72,18 @@ def octahedral_cell(x, y, z, size):
         u, v = a if u >= 0 else -a, b if v >= 0 else -b
     row, col = np.int64((v + one) * half), np.int64((u + one) * half)
     return min(row, size - 1), min(col, size - 1)
+
+
+@kernel
+def octahedral_cells(x, y, z, size, cell):
+    """`octahedral_cell` of directions (n,) float32, to cell (n,) uint32: row · size + column."""
+    zero, one, half = np.float32(0), np.float32(1), np.float32(0.5 * size)
+    last = np.int32(size - 1)
+    for j in range(len(x)):
+        scale = one / (abs(x[j]) + abs(y[j]) + abs(z[j]))
+        u, v = x[j] * scale, y[j] * scale
+        a, b = one - abs(v), one - abs(u)
+        a, b = a if u >= zero else -a, b if v >= zero else -b
+        u, v = a if z[j] < zero else u, b if z[j] < zero else v
+        row, col = np.int32((v + one) * half), np.int32((u + one) * half)
+        cell[j] = np.uint32(min(row, last) * np.int32(size) + min(col, last))

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..blocks import blocks
 from ..samples.observations import Observations
 from .ambient import ambient_light, highlight_share, openness
 from .footprint import Footprints
@@ -54,10 +55,13 @@ def finish_diffuse(
         radiance = found.radiance
         if radiance.any():
             notes.append(f"ambient light {radiance.mean():.3f} of a lamp's")
-            own = np.maximum(material, 0)
-            share = highlight_share(open_, rho[own], shininess[own]) * (material >= 0)
-            highlight = (share[:, None] * tint[own] * radiance).astype(np.float32)
-            highlight = np.minimum(highlight, np.nan_to_num(diffuse))
+            highlight = np.empty_like(diffuse)
+            for block in blocks(len(diffuse)):
+                own = np.maximum(material[block], 0)
+                share = highlight_share(open_[block], rho[own], shininess[own])
+                share = share * (material[block] >= 0)
+                shines = (share[:, None] * tint[own] * radiance).astype(np.float32)
+                highlight[block] = np.minimum(shines, np.nan_to_num(diffuse[block]))
         else:
             notes.append("no ambient light is seen")
     diffuse = diffuse - highlight

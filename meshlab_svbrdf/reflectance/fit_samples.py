@@ -12,15 +12,13 @@ from ..samples.observations import (
     Observations,
     color,
     mirror_direction,
-    relative_luminance,
     sample_luminance,
     sample_quality,
 )
 from .pixel_blur import pixel_blur
+from .rows import clips
 from .threshold import MINIMUM_SAMPLES
 
-SATURATED = 98.0
-"""Luminance, 0..100 on the frame's own scale, above which a sample is clipped (paper §7.2)."""
 FLAT_SHARE, FLAT_LEAST = 0.05, 400
 """Of a material, by share and number, what the fit works on at least, flat or not."""
 
@@ -58,12 +56,6 @@ class FitSamples:
     def mean_blur(self) -> np.ndarray:
         """Variance by which pixels spread the mirror direction, mean of both axes, (N,)."""
         return 0.5 * (np.einsum("na,na->n", self.blur[:, :3], self.blur[:, :3]) + self.blur[:, 3])
-
-
-@kernel
-def clips(quality, r, g, b):
-    """A sample of this colour, linear 0..1 before dividing by exposure, and stored quality."""
-    return quality >= 128 or np.float32(100) * relative_luminance(r, g, b) > SATURATED
 
 
 @kernel
@@ -152,11 +144,11 @@ def choose_texels(
     texels : (n,) ascending
     lacking : the materials of which less are flat enough
     """
-    usable = counts >= MINIMUM_SAMPLES
     chosen, lacking = [np.zeros(0, np.int64)], []
-    ids = np.unique(material[usable & (material >= 0)])
-    for m in ids:
-        own = np.flatnonzero(usable & (material == m))
+    usable = np.flatnonzero((counts >= MINIMUM_SAMPLES) & (material >= 0))
+    usable = usable[np.argsort(material[usable], kind="stable")]
+    ids, first = np.unique(material[usable], return_index=True)
+    for m, own in zip(ids, np.split(usable, first)[1:], strict=True):
         flattest = np.quantile(turn[own], min(max(FLAT_SHARE, FLAT_LEAST / len(own)), 1))
         if flattest > limits[m]:
             lacking.append(int(m))

@@ -72,14 +72,30 @@ class Chunks:
         return list(self.pool.map(lambda r: work(*r), self.ranges))
 
 
+@kernel
+def _by_material(offsets, material, residual, weight, cursor, size):
+    """|e| where there is weight, where the cursors of the materials stand; these move on."""
+    size_known = len(size) > 0
+    for i in range(len(material)):
+        k = cursor[material[i]]
+        for j in range(offsets[i], offsets[i + 1]):
+            if weight[j] > 0:
+                if size_known:
+                    size[k] = abs(residual[j])
+                k += 1
+        cursor[material[i]] = k
+
+
 def huber_scale(
     samples: FitSamples, residual: np.ndarray, weight: np.ndarray, materials: int
 ) -> np.ndarray:
     """h0 = max(.3, 1.68 · median |e|) of each material."""
-    owner = np.repeat(samples.material, np.diff(samples.offsets))
+    counts, given = np.zeros(materials, np.int64), (samples.offsets, samples.material)
+    _by_material(*given, residual, weight, counts, np.empty(0, residual.dtype))
+    ends, size = np.cumsum(counts), np.empty(counts.sum(), residual.dtype)
+    _by_material(*given, residual, weight, ends - counts, size)
     scale = np.full(materials, 0.3)
-    for m in range(materials):
-        e = np.abs(residual[(owner == m) & (weight > 0)])
+    for m, e in enumerate(np.split(size, ends[:-1])):
         if len(e):
             scale[m] = max(0.3, 1.68 * float(np.median(e)))
     return scale

@@ -342,5 +342,5 @@ def _texels_of(lit: Lit, inside: np.ndarray, lobes: tuple[Lobe, Lobe]) -> np.nda
 
 def _nearest(tree: cKDTree, place: np.ndarray, count: int) -> np.ndarray:
     """The nearest points (N, count) of a tree, fewer where there are no more."""
-    near = tree.query(place, k=min(count, tree.n), workers=-1)[1]
-    return near.reshape(len(place), -1)
+    count = min(count, tree.n)
+    return tree.query(place, k=count, workers=-1)[1].reshape(len(place), count)

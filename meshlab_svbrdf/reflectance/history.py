@@ -10,7 +10,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..jit import kernel
-from ..samples.observations import Observations, sample_luminance
+from ..samples.luminance import to_srgb8
+from ..samples.observations import Observations, View, sample_luminance
+from ..samples.store import Block
 from .fit_samples import is_clipped
 from .lights import Light
 from .specular import _about_light, _judge_run, _next_run, _specular, shapes
@@ -40,7 +42,7 @@ class Peak:
 @dataclass(frozen=True)
 class History:
     """frame : (n,) int32; luminance : (n,) float32, 0..100; quality : (n,) float32, 0..1
-    clipped : (n,) bool; rgb : (n, 3) uint8, sRGB as filmed
+    clipped : (n,) bool; rgb : (n, 3) uint8, sRGB as filmed, or as it would be seen at 8 bits
     peaks : in the order of time, or of the lights
     """
 
@@ -100,9 +102,9 @@ def history(
     count = len(block.frame)
     luminance, clipped = np.empty(count, np.float32), np.empty(count, bool)
     _luminances(block, observations.view, luminance, clipped)
-    quality = (block.quality & 127) / np.float32(127)
+    quality, rgb = (block.quality & 127) / np.float32(127), _as_seen(block, observations.view)
     if not diffuse >= 0 or not count:
-        return History(block.frame, luminance, quality, clipped, block.rgb, [])
+        return History(block.frame, luminance, quality, clipped, rgb, [])
     most = len(lights) if by_direction else MOST_PEAKS
     numbers, ends = np.full((most, 3), np.nan), np.full((most, 4), -1, np.int64)
     runs, run = np.empty((most, count), np.int64), np.empty(count, np.int64)
@@ -118,7 +120,7 @@ def history(
         )
         for p in range(found)
     ]  # fmt: skip
-    return History(block.frame, luminance, quality, clipped, block.rgb, peaks)
+    return History(block.frame, luminance, quality, clipped, rgb, peaks)
 
 
 def peaks_of(
@@ -142,6 +144,13 @@ def peaks_of(
             distance, np.full(len(texels), -1, np.int16),
         )  # fmt: skip
     return rho, alpha
+
+
+def _as_seen(block: Block, view: View) -> np.ndarray:
+    """The samples' colours as 8-bit sRGB, (n, 3)."""
+    if block.rgb.dtype == np.uint8:
+        return block.rgb
+    return to_srgb8(view.linear[block.rgb] * view.scale[block.frame] / 100)
 
 
 def of_texels(observations: Observations, texels: np.ndarray) -> Observations:

@@ -83,7 +83,7 @@ def fit(
     footprint: float,
     *,
     rounds: int = 10,
-    samples: int = 1_500_000,
+    samples: int = 750_000,
     near: bool = True,
     long: bool = True,
     censoring: bool = True,
@@ -191,7 +191,7 @@ def fit(
         alpha = np.array([p.alpha for p in profiles])
         state.predict(rho, alpha)
         # Judge by texels that the fit has not used whether it explains anything
-        test = gather(pool, samples // 2, without=state.samples.texel)
+        test = gather(pool, samples, without=state.samples.texel)
         test.light(lights)
         test.predict(rho, alpha)
         noise = huber_scale(state.samples, state.residual, state.weight, count) / 1.68 * 1.48

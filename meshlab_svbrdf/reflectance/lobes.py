@@ -18,30 +18,48 @@ NOTHING = 14.0
 """−ln of what is left of a lobe's height where it ends."""
 
 
-@kernel(fastmath=LANES)
-def _nearest(x, y, z, a, b, c):
-    """The largest cosine between a lamp's direction and the mirror directions x, y, z (n,)."""
-    most = np.float32(-1)
-    for j in range(len(x)):
-        most = max(most, a * x[j] + b * y[j] + c * z[j])
-    return most
+STRETCH = 64
+"""Samples, one after the other, that a lamp's lobe reaches or not: their directions are alike."""
 
 
 @kernel(fastmath=FAST)
+def _cosines(x, y, z, a, b, c, out):
+    for j in range(len(x)):
+        out[j] = a * x[j] + b * y[j] + c * z[j]
+
+
+@kernel(fastmath=LANES)
+def _some_above(values, bound):
+    """How many are above the bound."""
+    count = np.float32(0)
+    for j in range(len(values)):
+        count += np.float32(1) if values[j] > bound else np.float32(0)
+    return count
+
+
+@kernel(fastmath=FAST)
+def _add_powers(cos, power, gain, out):
+    for j in range(len(cos)):
+        out[j] += gain * exp(power * ln(max(cos[j], np.float32(1e-9))))
+
+
+@kernel
 def add_sharp(x, y, z, rays, gains, alpha, rho, out):
     """Add ρ Σ_k g_k (l_k·r)₊^α of the mirror directions x, y, z (n,) to out (n,); float32.
 
-    Lamps whose lobes have ended before all of them are left out.
+    Lamps are left out for stretches of samples before all of which their lobes have ended.
     """
-    power, reached = np.float32(alpha), np.exp(-NOTHING / alpha)
+    power, reached = np.float32(alpha), np.float32(np.exp(-NOTHING / alpha))
+    n, cos = len(x), np.empty(STRETCH, np.float32)
     for k in range(len(gains)):
         if gains[k] > 0:
             a, b, c, gain = rays[k, 0], rays[k, 1], rays[k, 2], np.float32(rho * gains[k])
-            if _nearest(x, y, z, a, b, c) < reached:
-                continue
-            for j in range(len(x)):
-                cos = a * x[j] + b * y[j] + c * z[j]
-                out[j] += gain * exp(power * ln(max(cos, np.float32(1e-9))))
+            for first in range(0, n, STRETCH):
+                stop = min(first + STRETCH, n)
+                own = cos[: stop - first]
+                _cosines(x[first:stop], y[first:stop], z[first:stop], a, b, c, own)
+                if _some_above(own, reached) > 0:
+                    _add_powers(own, power, gain, out[first:stop])
 
 
 @kernel

@@ -14,6 +14,7 @@ from scipy.spatial import cKDTree
 from skimage.color import xyz2lab
 from skimage.color.colorconv import xyz_from_rgb
 
+from meshlab_svbrdf.blocks import blocks
 from meshlab_svbrdf.errors import SvbrdfError
 from meshlab_svbrdf.geometry.adjacency import neighbours, thin
 from meshlab_svbrdf.reflectance import regions
@@ -62,12 +63,14 @@ def color_space(diffuse: np.ndarray, lightness_weight: float = LIGHTNESS_WEIGHT)
     -------
     (T, 3) float32; NaN where any channel of `diffuse` is not finite.
     """
-    observed = np.isfinite(diffuse).all(1)
+    observed = np.flatnonzero(np.isfinite(diffuse).all(1))
     space = np.full((len(diffuse), 3), np.nan, np.float32)
-    linear = np.maximum(diffuse[observed], 0).astype(np.float64) / 100
-    lab = xyz2lab(linear @ xyz_from_rgb.T)
-    gain = ((MIDDLE + 16) / (np.maximum(lab[:, :1], DARKEST) + 16)) ** (1 - lightness_weight)
-    space[observed] = np.concatenate([lightness_weight * lab[:, :1], lab[:, 1:] * gain], axis=1)
+    for block in blocks(len(observed)):
+        own = observed[block]
+        linear = np.maximum(diffuse[own], 0).astype(np.float64) / 100
+        lab = xyz2lab(linear @ xyz_from_rgb.T)
+        gain = ((MIDDLE + 16) / (np.maximum(lab[:, :1], DARKEST) + 16)) ** (1 - lightness_weight)
+        space[own] = np.concatenate([lightness_weight * lab[:, :1], lab[:, 1:] * gain], axis=1)
     return space
 
 
@@ -166,10 +169,14 @@ def segment_surface(
 
     # Spread the labels to the texels that were thinned out
     left = np.setdiff1d(observed, kept, assume_unique=True)
-    if len(left):
-        near = kept[cKDTree(position[kept]).query(position[left], k=4, workers=-1)[1]]
-        facing = np.einsum("ld,lkd->lk", normal[left], normal[near]) > 0
-        labels[left] = labels[near[np.arange(len(left)), facing.argmax(1)]]
+    if not len(left):
+        return labels
+    tree = cKDTree(position[kept])
+    for block in blocks(len(left)):
+        own = left[block]
+        near = kept[tree.query(position[own], k=4, workers=-1)[1]]
+        facing = np.einsum("ld,lkd->lk", normal[own], normal[near]) > 0
+        labels[own] = labels[near[np.arange(len(own)), facing.argmax(1)]]
     return labels
 
 

@@ -145,7 +145,7 @@ def complete_lights(
     turn: np.ndarray,
     footprint: float,
     *,
-    samples: int = 1_500_000,
+    samples: int = 750_000,
     curvature: float = 0.8,
     **options,
 ) -> tuple[list[Light], dict | None, list[str]]:

@@ -60,7 +60,7 @@ def _interpolate(
     bend = left - 2 * middle + right
     shift = np.divide(left - right, 2 * bend, out=np.sign(left - right), where=bend > 0)
     shape = shape * np.exp(step * np.clip(shift, -1, 1))
-    facing, grazing, rest = eliminate_gloss(state, kind, shape).T
+    facing, grazing, rest = eliminate_gloss(state, kind, shape).T.copy()
     return Gloss(kind, facing, grazing, shape), rest
 
 

@@ -57,7 +57,7 @@ def choose_models(
     turn: np.ndarray,
     footprint: float,
     *,
-    samples: int = 1_500_000,
+    samples: int = 750_000,
     curvature: float = 0.8,
     censoring: bool = True,
     ids: np.ndarray | None = None,

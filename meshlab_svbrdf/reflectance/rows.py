@@ -6,7 +6,15 @@ import numpy as np
 
 from ..jit import kernel
 from ..samples.observations import relative_luminance
-from .fit_samples import clips
+
+SATURATED = 98.0
+"""Luminance, 0..100 on the frame's own scale, above which a sample is clipped (paper §7.2)."""
+
+
+@kernel
+def clips(quality, r, g, b):
+    """A sample of this colour, linear 0..1 before dividing by exposure, and stored quality."""
+    return quality >= 128 or np.float32(100) * relative_luminance(r, g, b) > SATURATED
 
 
 @kernel
@@ -16,16 +24,23 @@ def read_row(block, view, first, n, red, green, blue, quality, bound):
     red, green, blue : (n,) linear, 0..100 of the median exposure; quality : (n,) 0..1
     bound : (n,) 0 for a clipped sample, whose luminance is a lower bound, −∞ for the others
     """
+    value, frame = block.value[first : first + n], block.frame[first : first + n]
     for j in range(n):
-        k = first + j
-        f = block.frame[k]
-        r, g = view.linear[block.value[k, 0]], view.linear[block.value[k, 1]]
-        b = view.linear[block.value[k, 2]]
-        red[j], green[j], blue[j] = r * view.scale[f, 0], g * view.scale[f, 1], b * view.scale[f, 2]
-        clipped = clips(block.value[k, 3], r, g, b)
+        red[j], green[j] = view.linear[value[j, 0]], view.linear[value[j, 1]]
+        blue[j] = view.linear[value[j, 2]]
+    for j in range(n):
+        clipped = clips(value[j, 3], red[j], green[j], blue[j])
         bound[j] = np.float32(0) if clipped else np.float32(-np.inf)
-    for j in range(n):
-        quality[j] = np.float32(block.value[first + j, 3] & 127) / np.float32(127)
+        quality[j] = np.float32(value[j, 3] & 127) / np.float32(127)
+    if view.even:
+        r, g, b = view.scale[0, 0], view.scale[0, 1], view.scale[0, 2]
+        for j in range(n):
+            red[j], green[j], blue[j] = red[j] * r, green[j] * g, blue[j] * b
+    else:
+        for j in range(n):
+            f = np.uint32(frame[j])
+            red[j], green[j] = red[j] * view.scale[f, 0], green[j] * view.scale[f, 1]
+            blue[j] = blue[j] * view.scale[f, 2]
 
 
 @kernel

@@ -9,11 +9,11 @@ goes to 0 where B − K D is no more than the noise of B.
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
-from itertools import pairwise
 
 import numpy as np
 from scipy.sparse import csr_array
 
+from ..blocks import blocks
 from ..geometry.tangents import tangents
 from ..geometry.texels import Texels
 from ..jit import kernel
@@ -24,7 +24,10 @@ REACH = 4
 """Rings of texels around one that may blur into it; finer textures are sharpened less."""
 CUT = 9.0
 """Square of the Mahalanobis distance beyond which nothing blurs in."""
-PIECES = 64
+PIECE = 1 << 14
+"""Texels whose rows of K are made at once."""
+HELD = 32 << 20
+"""Entries of K, 8 bytes each, that are held from round to round; further rows are made anew."""
 ROUNDS = 8
 NOISE = 5.0
 """Standard errors of B at which the gain is a half."""
@@ -71,46 +74,44 @@ def _rows(first, stop, position, normal, row, col, covariance, index, counts, co
                 break
         for k in range(start, n):
             weights[k] /= total
-        counts[t] = n - start
+        counts[t - first] = n - start
     return n
 
 
-def blur_kernel(texels: Texels, covariance: np.ndarray) -> csr_array:
-    """K, (T, T): rows sum to 1, and are empty where there are no samples.
+class Blur:
+    """K, (T, T), some of its rows at a time: at fine textures a row has eighty entries.
 
-    covariance : (T, 3), from `footprints`. Charts that lie side by side do not blur into each
-    other: distances are those on the surface. A chart's border blurs with its own side only.
+    covariance : (T, 3) float32, from `footprints`. Rows sum to 1, and are empty where there are no
+        samples. Charts that lie side by side do not blur into each other: distances are those on
+        the surface. A chart's border blurs with its own side only.
     """
-    count = len(texels)
-    counts = np.zeros(count, np.int64)
-    seen = covariance[:, 0] > 0
-    images = [np.full(size, -1, np.int32) for size in texels.sizes]
-    for number, image in enumerate(images):
-        own = np.flatnonzero((texels.texture == number) & seen)
-        image[texels.row[own], texels.col[own]] = own
-    # Lay the textures below one another, out of each other's reach
-    widest = max(size[1] for size in texels.sizes)
-    padded = [np.pad(i, ((0, REACH), (0, widest - i.shape[1])), constant_values=-1) for i in images]
-    tops = np.cumsum([0, *(len(image) for image in padded[:-1])])
-    index = np.concatenate(padded)
-    row = (texels.row + tops[texels.texture]).astype(np.int32)
 
-    def rows(piece: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
-        most = (piece[1] - piece[0]) * (2 * REACH + 1) ** 2
+    def __init__(self, texels: Texels, covariance: np.ndarray) -> None:
+        self._texels, self._covariance = texels, covariance
+        seen = covariance[:, 0] > 0
+        # Lay the textures below one another, out of each other's reach
+        widest = max(size[1] for size in texels.sizes)
+        tops = np.cumsum([0, *(size[0] + REACH for size in texels.sizes)])
+        self._row = texels.row.astype(np.int32)
+        self._index = np.full((tops[-1], widest), -1, np.int32)
+        for number, top in enumerate(tops[1:-1], 1):
+            self._row[texels.texture == number] += np.int32(top)
+        own = np.flatnonzero(seen)
+        self._index[self._row[own], texels.col[own]] = own
+
+    def rows(self, own: slice) -> csr_array:
+        """The rows of some texels, (n, T)."""
+        first, stop, texels = own.start, own.stop, self._texels
+        most = (stop - first) * (2 * REACH + 1) ** 2
         columns, weights = np.empty(most, np.int32), np.empty(most, np.float32)
+        counts = np.zeros(stop - first, np.int64)
         n = _rows(
-            *piece, texels.position, texels.normal, row, texels.col, covariance, index, counts,
-            columns, weights,
+            first, stop, texels.position, texels.normal, self._row, texels.col, self._covariance,
+            self._index, counts, columns, weights,
         )  # fmt: skip
-        return columns[:n].copy(), weights[:n].copy()
-
-    with ThreadPoolExecutor(thread_count()) as pool:
-        pieces = list(pool.map(rows, pairwise(np.linspace(0, count, PIECES + 1).astype(int))))
-    parts = list(zip(*pieces, strict=True))
-    del pieces
-    weights, columns = (np.concatenate(parts.pop()) for _ in range(2))
-    offsets = np.concatenate([[0], np.cumsum(counts)])
-    return csr_array((weights, columns, offsets), shape=(count, count))
+        offsets = np.concatenate([[0], np.cumsum(counts)])
+        shape = (stop - first, len(texels))
+        return csr_array((weights[:n].copy(), columns[:n].copy(), offsets), shape=shape)
 
 
 def sharpen(
@@ -125,13 +126,27 @@ def sharpen(
     noise : (T,) standard error of `blurred`
     """
     known = np.isfinite(blurred).all(1) & (covariance[:, 0] > 0)
-    kernel = blur_kernel(texels, np.where(known[:, None], covariance, 0).astype(np.float32))
+    blur = Blur(texels, np.where(known[:, None], covariance, 0).astype(np.float32))
     start = np.where(known[:, None], blurred, 0).astype(np.float32)
-    threshold = (np.float32(NOISE) * np.nan_to_num(noise[:, None]).astype(np.float32)) ** 4
-    sharp = start.copy()
-    for _ in range(ROUNDS):
-        missing = start - kernel @ sharp
+    pieces = list(blocks(len(start), PIECE))
+    held: dict[int, csr_array] = {}
+    sharp, after = start.copy(), np.empty_like(start)
+
+    def step(number: int) -> None:
+        own = pieces[number]
+        rows = held.get(number)
+        if rows is None:
+            rows = blur.rows(own)
+            if sum(each.nnz for each in list(held.values())) + rows.nnz <= HELD:
+                held[number] = rows
+        limit = np.float32(NOISE) * np.nan_to_num(noise[own, None]).astype(np.float32)
+        missing = start[own] - rows @ sharp
         fourth = (missing * missing) ** 2
-        fourth /= np.maximum(fourth + threshold, np.float32(1e-30))
-        sharp = np.maximum(sharp + fourth * missing, np.float32(DARKER) * start)
+        fourth /= np.maximum(fourth + limit**4, np.float32(1e-30))
+        after[own] = np.maximum(sharp[own] + fourth * missing, np.float32(DARKER) * start[own])
+
+    with ThreadPoolExecutor(thread_count()) as pool:
+        for _ in range(ROUNDS):
+            list(pool.map(step, range(len(pieces))))
+            sharp, after = after, sharp
     return np.where(known[:, None], sharp, blurred).astype(np.float32)

@@ -8,14 +8,15 @@ from functools import partial
 import numpy as np
 
 from ..jit import kernel
+from ..power import FAST
+from ..ranks import smallest
 from ..samples.observations import (
     Observations,
     View,
-    color,
     longest,
-    relative_luminance,
 )
 from ..samples.store import Block
+from .rows import luminances, read_row
 
 MINIMUM_SAMPLES = 8
 """Texels with fewer samples are unobserved, where nothing else is asked for."""
@@ -43,27 +44,56 @@ class LuminanceStatistics:
 
 
 @kernel
+def _keep(quality, cut, red, green, blue):
+    """Move the colours of good enough samples to the front; how many they are."""
+    kept = 0
+    for j in range(len(quality)):
+        kept += 1 if quality[j] >= cut else 0
+    if kept == len(quality):
+        return kept
+    n = 0
+    for j in range(len(quality)):
+        if quality[j] >= cut:
+            red[n], green[n], blue[n] = red[j], green[j], blue[j]
+            n += 1
+    return n
+
+
+@kernel(fastmath=FAST)
+def _total(n, red, green, blue, y):
+    r, g, b, total = 0.0, 0.0, 0.0, 0.0
+    for j in range(n):
+        r, g, b, total = r + red[j], g + green[j], b + blue[j], total + y[j]
+    return r, g, b, total
+
+
+@kernel(fastmath=FAST)
+def _deviation(y, mu):
+    total = 0.0
+    for j in range(len(y)):
+        total += abs(y[j] - mu)
+    return total / len(y)
+
+
+@kernel
 def _threshold(block, view, cut, least, threshold, mean, minimum, rgb, samples):
-    """cut : quality, 0..127"""
-    ys = np.empty(longest(block.offsets, 0, block.stop - block.first), np.float32)
+    """cut : quality, 0..1"""
+    rows = np.empty((6, longest(block.offsets, 0, block.stop - block.first)), np.float32)
     for i in range(block.stop - block.first):
-        red, green, blue, total, low, n = 0.0, 0.0, 0.0, 0.0, np.float32(np.inf), 0
-        for j in range(block.offsets[i], block.offsets[i + 1]):
-            if block.value[j, 3] & 127 >= cut:
-                r, g, b = color(block, view, j)
-                y = relative_luminance(r, g, b)
-                red, green, blue, total = red + r, green + g, blue + b, total + y
-                low = min(low, y)
-                ys[n] = y
-                n += 1
+        first = block.offsets[i]
+        n = block.offsets[i + 1] - first
+        red, green, blue, quality, y = rows[0, :n], rows[1, :n], rows[2, :n], rows[3, :n], rows[4]
+        read_row(block, view, first, n, red, green, blue, quality, rows[5])
+        n = _keep(quality, cut, red, green, blue)
         samples[i] = n
         if n < least:
             continue
-        mu, deviation = total / n, 0.0
-        for j in range(n):
-            deviation += abs(ys[j] - mu)
-        threshold[i], mean[i], minimum[i] = mu + deviation / n, mu, low
-        rgb[i, 0], rgb[i, 1], rgb[i, 2] = red / n, green / n, blue / n
+        luminances(n, red, green, blue, y)
+        r, g, b, total = _total(n, red, green, blue, y)
+        mu = total / n
+        threshold[i], mean[i] = mu + _deviation(y[:n], mu), mu
+        minimum[i] = smallest(y[:n])
+        rgb[i, 0], rgb[i, 1], rgb[i, 2] = r / n, g / n, b / n
 
 
 def luminance_threshold(
@@ -85,5 +115,6 @@ def _block_statistics(view: View, cut: int, least: int, block: Block) -> tuple[n
     count = block.stop - block.first
     threshold, mean, minimum = (np.full(count, np.nan, np.float32) for _ in range(3))
     rgb, samples = np.full((count, 3), np.nan, np.float32), np.zeros(count, np.int32)
-    _threshold(block, view, cut, least, threshold, mean, minimum, rgb, samples)
+    quality = np.float32(cut) / np.float32(127)
+    _threshold(block, view, quality, least, threshold, mean, minimum, rgb, samples)
     return threshold, mean, minimum, rgb, samples

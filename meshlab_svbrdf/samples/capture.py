@@ -15,6 +15,8 @@ from ..geometry.texels import Texels
 from ..jit import kernel
 from .chunks import SampledFrame
 from .luminance import decode, encode
+from .radiance_code import code_of
+from .radiance_code import table as radiance_table
 
 CLIPPED = 254
 """A channel at or above this value may have been brighter."""
@@ -24,6 +26,7 @@ CLIPPED_MEAN = 250
 _TO_LINEAR = decode(np.arange(256) / 255).astype(np.float32)
 _STEPS = 1 << 14  # finer than half a code at sRGB's steepest, 12.92 · 255 = 3295 codes per unit
 _TO_CODE = np.rint(255 * encode((np.arange(_STEPS + 1)) / _STEPS)).astype(np.uint8)
+_WIDE_TO_LINEAR = radiance_table()
 
 
 @dataclass(frozen=True)
@@ -138,6 +141,14 @@ def _judge(numbers, indices, border, occlusion, cut):
 
 
 @kernel
+def _code(linear, to_code):
+    """What is stored: an sRGB code, looked up, or without a table (None) a radiance's."""
+    if to_code is None:  # each is compiled without the other
+        return code_of(linear)
+    return to_code[np.uint64(linear * np.float32(len(to_code) - 1) + np.float32(0.5))]
+
+
+@kernel
 def _sample(
     position, normal, groups, R, t, intrinsics, eye, image, inverse_depth, distance, origin,
     to_linear, to_code, border, occlusion, reference_depth, cut, limit,
@@ -148,7 +159,6 @@ def _sample(
     inverse_depth and distance are crops of the image from column and row `origin` on.
     out_texel, out_value : with room for all texels and one more
     """
-    steps = np.float32(len(to_code) - 1)
     one, half = np.float32(1), np.float32(0.5)
     stride = np.int32(3 * image.shape[1])
     size = (np.float32(image.shape[1] - 1), np.float32(image.shape[0] - 1), stride)
@@ -185,7 +195,7 @@ def _sample(
             w00, w01 = (one - b) * (one - a), (one - b) * a
             w10, w11 = b * (one - a), b * a
             at = np.uint64(indices[PIXEL + own])
-            brightest = np.uint8(0)
+            brightest = pixels.dtype.type(0)
             for channel in (np.uint64(0), np.uint64(1), np.uint64(2)):
                 p00, p01 = pixels[at + channel], pixels[at + right_of + channel]
                 p10, p11 = pixels[at + below + channel], pixels[at + below + right_of + channel]
@@ -196,7 +206,7 @@ def _sample(
                     + w10 * to_linear[p10]
                     + w11 * to_linear[p11]
                 )
-                out_value[i, channel] = to_code[np.uint64(linear * steps + half)]
+                out_value[i, channel] = _code(linear, to_code)
             clipped = np.uint8(128) if brightest >= limit else np.uint8(0)
             out_value[i, 3] = np.uint8(numbers[QUALITY + own] * np.float32(127) + half) | clipped
         n = found
@@ -243,29 +253,39 @@ class FrameSampler:
         self.box = np.stack(np.meshgrid(*np.stack([low, high], 1)), -1).reshape(-1, 3)
 
     def sample(
-        self, camera: Camera, image: np.ndarray, mask: np.ndarray | None = None
+        self,
+        camera: Camera,
+        image: np.ndarray,
+        mask: np.ndarray | None = None,
+        clipped: int | None = None,
     ) -> SampledFrame:
         """The texels that see this frame.
 
         Parameters
         ----------
         camera : in the world (not about the centre)
-        image : (H, W, 3) uint8, sRGB
+        image : (H, W, 3) uint8, sRGB; or uint16, codes of radiance (samples/radiance_code.py)
         mask : (H, W) bool, True where the object is; or None
+        clipped : a code of this frame's from which a pixel may have been brighter; None: as
+            `Quality` says, and no radiance
         """
         q, texels = self.quality, self.texels
         size = (camera.height, camera.width)
-        if image.shape != (*size, 3) or image.dtype != np.uint8:
+        if image.shape != (*size, 3) or image.dtype not in (np.uint8, np.uint16):
             raise ValueError(
-                f"image: expected {(*size, 3)} uint8 as the camera says, "
+                f"image: expected {(*size, 3)} uint8 or uint16 as the camera says, "
                 f"not {image.shape} {image.dtype}"
             )
+        kind = image.dtype.type
+        tables = (_TO_LINEAR, _TO_CODE) if kind is np.uint8 else (_WIDE_TO_LINEAR, None)
+        if clipped is None:
+            clipped = q.clipped if kind is np.uint8 else 65535
         if mask is not None and mask.shape != size:
             raise ValueError(f"mask: expected {size} as the camera says, not {mask.shape}")
         camera = camera.about(texels.center)
         left, top, right, bottom = _window(camera, self.box)
         count = len(texels) if left < right and top < bottom else 0
-        texel, value = np.empty(count + 1, np.int32), np.empty((count + 1, 4), np.uint8)
+        texel, value = np.empty(count + 1, np.int32), np.empty((count + 1, 4), kind)
         if count == 0:
             return SampledFrame(texel[:0], value[:0])
         # Look where the object is, and one pixel beyond
@@ -283,9 +303,9 @@ class FrameSampler:
             camera.R.astype(np.float32), camera.t.astype(np.float32),
             np.array([camera.fx, camera.fy, camera.cx, camera.cy], np.float32),
             camera.center.astype(np.float32), np.ascontiguousarray(image), inverse_depth, distance,
-            (left, top), _TO_LINEAR, _TO_CODE, np.float32(q.border * camera.width / 640),
+            (left, top), *tables, np.float32(q.border * camera.width / 640),
             np.float32(q.occlusion * texels.radius), np.float32(self.reference_depth),
-            np.float32(q.cut), np.uint8(q.clipped), texel, value,
+            np.float32(q.cut), kind(clipped), texel, value,
         )  # fmt: skip
         return SampledFrame(texel[:n].copy(), value[:n].copy())
 

@@ -1,7 +1,8 @@
 """Chunks of the sample store: the samples of some frames, texel-major (CSR).
 
 `offsets` (T+1) uint32, and per sample `frame` uint8 (within the chunk) and `value` 4 × uint8: sRGB
-and the quality (7 bits, the top bit marks clipped). 5 bytes a sample.
+and the quality (7 bits, the top bit marks clipped). 5 bytes a sample. Of frames with more than 8
+bits `value` is 4 × uint16: codes of radiance, and the same quality. 9 bytes a sample.
 """
 
 from __future__ import annotations
@@ -17,17 +18,27 @@ import numpy as np
 
 from ..errors import DocumentError
 from ..jit import kernel
+from ..npy import write_npy
 
 MOST_FRAMES = 256  # of a chunk: a byte counts them
 COLUMNS = ("frame", "value")
 ROWS: dict[str, tuple[type, tuple[int, ...]]] = {
     "offsets": (np.uint32, ()), "frame": (np.uint8, ()), "value": (np.uint8, (4,)),
 }  # fmt: skip
-"""The type and shape of a column's rows."""
+"""The type and shape of a column's rows, of values as of 8 bits."""
+KINDS: dict[int, type] = {8: np.uint8, 16: np.uint16}
+"""Types of values, by their bits."""
 TRANSPOSED = 2048
 """Texels that are transposed at once: their samples fit a core's cache."""
-HELD_BYTES = 8
+TEXEL_BYTES = 4
+"""A sample's, before it is transposed, besides its value."""
+HELD_BYTES = TEXEL_BYTES + 4
 """A sample's, before it is transposed: its texel and its value."""
+WORDS: dict[Any, np.dtype[Any]] = {
+    np.dtype(np.uint8): np.dtype(np.uint32),
+    np.dtype(np.uint16): np.dtype(np.uint64),
+}
+"""Four numbers as one, by their type."""
 
 
 class Chunk(Protocol):
@@ -59,17 +70,21 @@ class MemoryChunk:
 
     def save(self, folder: Path, index: int) -> FileChunk:
         for name, column in self._columns.items():
-            np.save(_path(folder, index, name), column)
-        return FileChunk(folder, index, self.frames)
+            write_npy(_path(folder, index, name), column)
+        return FileChunk(folder, index, self.frames, self._columns["value"].dtype.type)
 
 
 class FileChunk:
     """A chunk in files, neither mapped nor kept open: many frames make many files."""
 
-    def __init__(self, folder: Path, index: int, frames: int) -> None:
+    def __init__(self, folder: Path, index: int, frames: int, kind: type = np.uint8) -> None:
+        """kind : of the values"""
         self.frames = frames
+        self._rows = ROWS | {"value": (kind, (4,))}
         self._paths = {name: _path(folder, index, name) for name in ROWS}
-        self._layout = {name: _layout(path, *ROWS[name]) for name, path in self._paths.items()}
+        self._layout = {
+            name: _layout(path, *self._rows[name]) for name, path in self._paths.items()
+        }
 
     def read(self, name: str, first: int, rows: np.ndarray[Any, Any]) -> None:
         with open(self._paths[name], "rb", buffering=0) as file:
@@ -82,7 +97,7 @@ class FileChunk:
 
     def mapped(self, name: str) -> np.ndarray[Any, Any]:
         start, shape = self._layout[name]
-        return np.asarray(np.memmap(self._paths[name], ROWS[name][0], "r", start, shape))
+        return np.asarray(np.memmap(self._paths[name], self._rows[name][0], "r", start, shape))
 
     def save(self, folder: Path, index: int) -> FileChunk:
         """Shared with the other folder where the disk can: chunks are never written into."""
@@ -91,7 +106,7 @@ class FileChunk:
                 os.link(path, _path(folder, index, name))
             except OSError:
                 shutil.copyfile(path, _path(folder, index, name))
-        return FileChunk(folder, index, self.frames)
+        return FileChunk(folder, index, self.frames, self._rows["value"][0])
 
 
 def _path(folder: Path, index: int, name: str) -> str:
@@ -107,13 +122,14 @@ def _layout(path: str, kind: type, row: tuple[int, ...]) -> tuple[int, tuple[int
 
 
 def words_of(value: np.ndarray) -> np.ndarray:
-    """Colour and quality (n, 4) uint8 as one number each, (n,) uint32, which moves faster."""
-    return value.view(np.uint32)[:, 0]
+    """Colour and quality (n, 4) uint8 as one number each, (n,) uint32, which moves faster; of
+    uint16 uint64."""
+    return value.view(WORDS[value.dtype])[:, 0]
 
 
 def bytes_of(words: np.ndarray) -> np.ndarray:
     """Inverse of `words_of`."""
-    return words.view(np.uint8).reshape(-1, 4)
+    return words.view(np.uint8 if words.itemsize == 4 else np.uint16).reshape(-1, 4)
 
 
 class SampledFrame(NamedTuple):
@@ -121,7 +137,7 @@ class SampledFrame(NamedTuple):
 
     texel : (n,) int32, ascending
     value : (n, 4) uint8: sRGB, interpolated in linear light, and the quality · 127 in seven bits;
-        the top bit: any tap was clipped
+        the eighth: any tap was clipped. Or uint16: codes of radiance, and the same quality
     """
 
     texel: np.ndarray
@@ -165,9 +181,10 @@ def _scatter(texel, value, start, stop, cursor, out_frame, out_value):
 class Held:
     """Frames one after the other, until they are transposed."""
 
-    def __init__(self, samples: int) -> None:
-        """samples : of which there is room"""
-        self._texel, self._value = np.empty(samples, np.int32), np.empty(samples, np.uint32)
+    def __init__(self, samples: int, kind: type = np.uint8) -> None:
+        """samples : of which there is room; kind : of their values"""
+        self._texel = np.empty(samples, np.int32)
+        self._value = np.empty(samples, WORDS[np.dtype(kind)])
         self.clear()
 
     def __len__(self) -> int:
@@ -176,7 +193,7 @@ class Held:
 
     @property
     def bytes(self) -> int:
-        return HELD_BYTES * self._ends[-1]
+        return (TEXEL_BYTES + self._value.itemsize) * self._ends[-1]
 
     @property
     def seen(self) -> np.ndarray:

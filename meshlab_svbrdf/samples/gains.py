@@ -11,25 +11,31 @@ from scipy.sparse.linalg import LinearOperator, cg
 from ..jit import kernel
 from ..ranks import quantile
 from ..threads import thread_count
+from .luminance import decode
 from .observations import Observations, color
+from .radiance_code import code_of
 from .store import Block
 
 LEAST_SHARED = 100  # samples of texels that other frames see too
+DARK = 8
+"""A code below which noise is too much of a sample's logarithm."""
+DARK_LINEAR = 100 * float(decode(np.array(DARK / 255)))
+"""The same, 0..100."""
 PER_FRAME = 400  # samples, on average, so that frames that see little have enough as well
 SCALE = 1.5
 """Robust standard deviations of a residual at which its weight has fallen to a quarter."""
 
 
 @kernel
-def _ratios(block, view, logs, texel_of, frame_of):
+def _ratios(block, view, dark, logs, texel_of, frame_of):
     """ln colours, texels and frames of a block's samples but for clipped and dark ones; returns how
-    many there are."""
+    many there are. dark : code below which a sample is dark"""
     n = 0
     for i in range(block.stop - block.first):
         for j in range(block.offsets[i], block.offsets[i + 1]):
             if (
                 block.value[j, 3] >= 128
-                or min(block.value[j, 0], block.value[j, 1], block.value[j, 2]) < 8
+                or min(block.value[j, 0], block.value[j, 1], block.value[j, 2]) < dark
             ):
                 continue
             r, g, b = color(block, view, j)
@@ -71,18 +77,22 @@ def some_logs(
     evenly spaced texels but for clipped and dark ones; samples : see `frame_gains`."""
     store = observations.store
     samples = samples or max(250_000, PER_FRAME * store.frames)
-    stride = max(1, len(store) // samples)
+    chosen = np.arange(0, store.texels, max(1, len(store) // samples))
+    view = observations.view
+    dark = (
+        DARK if store.bits == 8 else int(code_of(np.float32(DARK_LINEAR / np.median(view.scale))))
+    )
 
     def work(block: Block, own: slice) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         most = len(block.frame)
         logs = np.empty((most, 3), np.float32)
         texel, frame = np.empty(most, np.int64), np.empty(most, np.int64)
-        n = _ratios(block, observations.view, logs, texel, frame)
+        n = _ratios(block, view, dark, logs, texel, frame)
         return logs[:n], texel[:n] + own.start, frame[:n]
 
-    pieces = store.map_texels(work, np.arange(0, store.texels, stride))
+    pieces = store.map_texels(work, chosen)
     logs, texel, frame = (np.concatenate(each) for each in zip(*pieces, strict=True))
-    return logs, texel, frame
+    return logs, chosen[texel], frame
 
 
 def frame_gains(

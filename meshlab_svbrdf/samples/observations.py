@@ -13,6 +13,7 @@ from ..geometry.texels import Texels
 from ..geometry.visibility import Rays
 from ..jit import kernel
 from .luminance import decode
+from .radiance_code import LARGEST, table
 from .store import SampleStore
 
 VISIBLE = np.float32(0.25)
@@ -25,9 +26,11 @@ class View(NamedTuple):
     position, normal : (T, 3) float32 about the centre
     face : (T,) int32; barycentric : (T, 3) float32
     eyes : (F, 3) float32, where each frame's camera stands, about the centre
-    scale : (F, 3) float32, linear 0..1 of a frame's channel to 0..100 of the median exposure
+    scale : (F, 3) float32, linear 0..1 of what the code can hold to 0..100 of the median exposure
     faces : (M, 3) int32; coefficients : (V, 36) float32 of the visibility, or (0, 36): all visible
-    linear : (256,) float32, sRGB code to linear 0..1
+    linear : (256,) float32, sRGB code to linear 0..1; or (65536,), a radiance's code to 0..1 of the
+        largest
+    even : whether the frames' scales are all the same
     """
 
     position: np.ndarray
@@ -39,6 +42,7 @@ class View(NamedTuple):
     faces: np.ndarray
     coefficients: np.ndarray
     linear: np.ndarray
+    even: bool
 
 
 @dataclass(frozen=True)
@@ -103,14 +107,19 @@ def observe(
     )
     if not (np.isfinite(gain).all() and (gain > 0).all()):
         raise ValueError("gains: expected positive numbers")
+    wide = store.bits == 16
+    scale = np.ascontiguousarray((100.0 * LARGEST if wide else 100.0) / gain, np.float32)
     view = View(
-        np.array(texels.position, np.float32), np.array(texels.normal, np.float32),
-        np.array(texels.face, np.int32), np.array(texels.barycentric, np.float32),
+        np.ascontiguousarray(texels.position, np.float32),
+        np.ascontiguousarray(texels.normal, np.float32),
+        np.ascontiguousarray(texels.face, np.int32),
+        np.ascontiguousarray(texels.barycentric, np.float32),
         np.array([c.center - texels.center for c in cameras], np.float32).reshape(count, 3),
-        np.ascontiguousarray(100.0 / gain, np.float32),
+        scale,
         np.array(faces, np.int32),
         np.array(np.zeros((0, 36)) if coefficients is None else coefficients, np.float32),
-        decode(np.arange(256) / 255).astype(np.float32),
+        table() if wide else decode(np.arange(256) / 255).astype(np.float32),
+        bool((scale == scale[:1]).all()),
     )  # fmt: skip
     return Observations(
         texels, store, view,
@@ -191,10 +200,10 @@ def mirrors(view, i, frame, x, y, z):
     nx, ny, nz = view.normal[i, 0], view.normal[i, 1], view.normal[i, 2]
     px, py, pz = view.position[i, 0], view.position[i, 1], view.position[i, 2]
     for j in range(n):
-        x[j] = view.eyes[frame[j], 0] - px
-        y[j] = view.eyes[frame[j], 1] - py
-        z[j] = view.eyes[frame[j], 2] - pz
+        f = np.uint32(frame[j])
+        x[j], y[j], z[j] = view.eyes[f, 0], view.eyes[f, 1], view.eyes[f, 2]
     for j in range(n):
+        x[j], y[j], z[j] = x[j] - px, y[j] - py, z[j] - pz
         scale = np.float32(1) / np.sqrt(x[j] * x[j] + y[j] * y[j] + z[j] * z[j])
         twice = np.float32(2) * (nx * x[j] + ny * y[j] + nz * z[j]) * scale
         x[j], y[j], z[j] = (

@@ -1,6 +1,7 @@
 """The sample store: frames are projected once, and every texel's history is read in one piece.
 
-A store is chunks of at most 256 frames (samples/chunks.py), 5 bytes a sample. Readers get blocks of
+A store is chunks of at most 256 frames (samples/chunks.py), 5 bytes a sample, or 9 of frames that
+have more than 8 bits. Readers get blocks of
 texels whose samples are the concatenation of a few slices, in the order of the frames.
 
 write_store   project every frame; runs of frames that an earlier store has are taken from it
@@ -16,17 +17,21 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import count, pairwise
 from pathlib import Path
+from tokenize import TokenError
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
+from ..errors import DocumentError
 from ..jit import kernel
 from ..spread import Spread
 from ..threads import thread_count
 from .chunks import (
     COLUMNS,
-    HELD_BYTES,
+    KINDS,
     MOST_FRAMES,
+    TEXEL_BYTES,
+    WORDS,
     Chunk,
     FileChunk,
     Held,
@@ -36,6 +41,11 @@ from .chunks import (
 )
 
 DESCRIPTION = "store.json"
+UNREADABLE = (
+    OSError, ValueError, KeyError, TypeError, EOFError, OverflowError, RecursionError, SyntaxError,
+    TokenError,
+)  # fmt: skip
+"""What NumPy, JSON and what is made of them raise on damaged files."""
 
 Result = TypeVar("Result")
 
@@ -47,7 +57,7 @@ class Block(NamedTuple):
     """The samples of the texels first..stop, texel by texel, in the frames' order.
 
     offsets : (B+1,) int64 into the samples
-    frame : (n,) int32; value : (n, 4) uint8, sRGB and quality (samples/chunks.py)
+    frame : (n,) int32; value : (n, 4) uint8, sRGB and quality, or uint16 (samples/chunks.py)
     """
 
     first: int
@@ -63,6 +73,12 @@ class Block(NamedTuple):
     @property
     def quality(self) -> np.ndarray:
         return self.value[:, 3]
+
+
+@kernel
+def _add_counts(offsets, total):
+    for i in range(len(total)):
+        total[i] += np.int64(offsets[i + 1]) - np.int64(offsets[i])
 
 
 @kernel
@@ -111,6 +127,7 @@ def write_store(
     names: Sequence[str] | None = None,
     earlier: Sequence[SampleStore] = (),
     memory: int = 128 << 20,
+    bits: int = 8,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> SampleStore:
     """Project every frame and write the store.
@@ -121,15 +138,16 @@ def write_store(
     ----------
     folder : an empty folder; None: the samples stay in memory
     texels, frames : how many there are
-    sample : frame index to (texel ascending int32, rgb uint8, quality uint8); called from threads
+    sample : frame index to its samples, their texels ascending; called from threads
     names : of each frame: the same name, the same samples; None: they have none
     earlier : stores whose chunks are linked where the names of all their frames come in a row
     memory : bytes of samples to hold before a chunk is written
+    bits : of the samples' values, 8 or 16
     """
     names = list(names) if names is not None else [""] * frames
     if len(names) != frames:
         raise ValueError(f"names: expected one for each of the {frames} frames")
-    store = SampleStore(texels, [], names=[], seen=[], quality=[])
+    store = SampleStore(texels, [], names=[], seen=[], quality=[], bits=bits)
     numbers = count()
 
     def keep(chunk: Chunk) -> Chunk:
@@ -139,11 +157,11 @@ def write_store(
 
         def project(first: int, stop: int) -> Iterator[Found]:
             return _project(
-                pool, sample, first, stop, texels, memory, keep,
+                pool, sample, first, stop, texels, memory, store.kind, keep,
                 lambda done: progress(done, frames),
             )  # fmt: skip
 
-        for first, stop, taken in runs_known(names, texels, earlier):
+        for first, stop, taken in runs_known(names, texels, bits, earlier):
             for chunk, seen, quality in (
                 [(keep(taken[0]), *taken[1:])] if taken else project(first, stop)
             ):
@@ -159,7 +177,7 @@ def write_store(
 
 
 def runs_known(
-    names: Sequence[str], texels: int, earlier: Sequence[SampleStore]
+    names: Sequence[str], texels: int, bits: int, earlier: Sequence[SampleStore]
 ) -> Iterator[tuple[int, int, Found | None]]:
     """Runs first..stop of the frames of these names: a chunk of an earlier store that has them, or
     None where none has."""
@@ -170,7 +188,7 @@ def runs_known(
             store.quality[first : first + chunk.frames],
         )
         for store in earlier
-        if store.texels == texels
+        if (store.texels, store.bits) == (texels, bits)
         for first, chunk in store.placed()
         if all(store.names[first : first + chunk.frames])
     }
@@ -194,11 +212,13 @@ def runs_known(
 
 def _project(
     pool: ThreadPoolExecutor, sample: Callable[[int], SampledFrame], first: int, stop: int,
-    texels: int, memory: int, keep: Callable[[Chunk], Chunk], done: Callable[[int], None],
+    texels: int, memory: int, kind: type, keep: Callable[[Chunk], Chunk],
+    done: Callable[[int], None],
 ) -> Iterator[Found]:  # fmt: skip
     """Chunks of the frames first..stop, kept; the next one is filled meanwhile."""
-    room = texels + min(memory // HELD_BYTES, texels * min(stop - first, MOST_FRAMES))
-    held, spare = Held(room), Held(room)
+    each = TEXEL_BYTES + WORDS[np.dtype(kind)].itemsize
+    room = texels + min(memory // each, texels * min(stop - first, MOST_FRAMES))
+    held, spare = Held(room, kind), Held(room, kind)
     written: Future[Found] | None = None
 
     def finish(full: Held) -> Found:
@@ -227,6 +247,27 @@ def _project(
             yield written.result()
 
 
+def _check(chunk: Chunk, texels: int, index: int) -> None:
+    """Kernels follow the offsets without looking: they must stay within the chunk's columns."""
+    offsets, frame, value = (chunk.mapped(name) for name in ("offsets", *COLUMNS))
+    right = (
+        isinstance(chunk.frames, int)
+        and len(offsets) == texels + 1
+        and offsets[0] == 0
+        and offsets[-1] == len(frame) == len(value)
+        and bool((offsets[1:] >= offsets[:-1]).all())
+    )
+    if not right:
+        raise ValueError(f"chunk {index} does not fit together")
+
+
+def _damaged(folder: Path, why: object) -> DocumentError:
+    return DocumentError(
+        f"{folder}: the samples are damaged ({why}): apply compute_svbrdf_samples again, with "
+        "--force"
+    )
+
+
 @dataclass(frozen=True)
 class _Reading:
     """Work on a block that is read where the work is done."""
@@ -244,6 +285,7 @@ class SampleStore:
     texels, frames : how many there are; seen : (F,) int64, samples of each frame
     quality : (F,) float64, the mean of a frame's samples
     names : what each frame's samples were made from, "" where that is not known
+    bits : of the samples' values, 8 or 16; kind : their type
     spread : where `rows` has its work done; None: on this process's threads
     """
 
@@ -255,12 +297,16 @@ class SampleStore:
         names: Sequence[str],
         seen: Sequence[int],
         quality: Sequence[float],
+        bits: int = 8,
     ) -> None:
         self.texels = texels
         self.chunks = list(chunks)
         self.names = list(names)
         self.seen = np.array(seen, np.int64)
         self.quality = np.array(quality, np.float64)
+        self.folder: Path | None = None
+        self.bits = bits
+        self.kind = KINDS[bits]
         self.spread: Spread | None = None
         self._counts: np.ndarray | None = None
 
@@ -270,12 +316,26 @@ class SampleStore:
 
     @classmethod
     def open(cls, folder: Path) -> SampleStore:
-        """What `write_store` left in a folder."""
-        told = json.loads((folder / DESCRIPTION).read_text())
-        chunks = [FileChunk(folder, k, size) for k, size in enumerate(told["chunks"])]
-        return cls(
-            told["texels"], chunks, names=told["names"], seen=told["seen"], quality=told["quality"]
-        )
+        """What `write_store` left in a folder.
+
+        Raises DocumentError where it is damaged, or not there.
+        """
+        try:
+            told = json.loads((folder / DESCRIPTION).read_text())
+            texels, sizes, names = told["texels"], told["chunks"], told["names"]
+            bits = told.get("bits", 8)
+            chunks = [FileChunk(folder, k, size, KINDS[bits]) for k, size in enumerate(sizes)]
+            store = cls(
+                texels, chunks, names=names, seen=told["seen"], quality=told["quality"], bits=bits
+            )
+            if not (sum(sizes) == len(names) == store.frames == len(store.quality)):
+                raise ValueError(f"{DESCRIPTION}: the frames of its chunks are others than its own")
+            for k, chunk in enumerate(chunks):
+                _check(chunk, texels, k)
+        except UNREADABLE as error:
+            raise _damaged(folder, error) from None
+        store.folder = folder
+        return store
 
     @property
     def frames(self) -> int:
@@ -295,6 +355,7 @@ class SampleStore:
         told = {
             "texels": self.texels, "chunks": [chunk.frames for chunk in self.chunks],
             "names": self.names, "seen": self.seen.tolist(), "quality": self.quality.tolist(),
+            "bits": self.bits,
         }  # fmt: skip
         temporary = folder / f".{DESCRIPTION}.part"
         temporary.write_text(json.dumps(told))
@@ -318,7 +379,7 @@ class SampleStore:
             for chunk in self.chunks:
                 offsets = np.empty(self.texels + 1, np.uint32)
                 chunk.read("offsets", 0, offsets)
-                total += np.diff(offsets)
+                _add_counts(offsets, total)
             total.flags.writeable = False
             self._counts = total
         return self._counts
@@ -331,15 +392,23 @@ class SampleStore:
         sizes = spans[:, -1].astype(np.int64) - spans[:, 0]
         base = np.concatenate([[0], np.cumsum(sizes)])
         total = int(base[-1])
-        frames, values = np.empty(total + STEP, np.uint8), np.empty((total + STEP, 4), np.uint8)
+        frames = np.empty(total + STEP, np.uint8)
+        values: np.ndarray = np.empty((total + STEP, 4), self.kind)
         for chunk, low, (a, b) in zip(self.chunks, spans[:, 0], pairwise(base), strict=True):
             for name, rows in zip(COLUMNS, (frames, values), strict=True):
                 chunk.read(name, int(low), rows[a:b])
+            self._check_frames(frames[a:b], chunk.frames)
         offsets = np.zeros(stop - first + 1, np.int64)
-        frame, value = np.empty(total + STEP, np.int32), np.empty(total + STEP, np.uint32)
+        frame = np.empty(total + STEP, np.int32)
+        value = np.empty(total + STEP, WORDS[np.dtype(self.kind)])
         starts = np.array([first_frame for first_frame, _ in self.placed()], np.int32)
         _merge(spans, base, starts, frames, words_of(values), offsets, frame, value)
         return Block(first, stop, offsets, frame[:total], bytes_of(value[:total]))
+
+    def _check_frames(self, frame: np.ndarray, frames: int) -> None:
+        """Kernels look cameras up by these numbers."""
+        if len(frame) and frame.max() >= frames:
+            raise _damaged(self.folder or Path(), f"one is of frame {frame.max()} of {frames}")
 
     def block_bounds(self, samples: int = 1 << 21) -> list[tuple[int, int]]:
         """Ranges of texels with about `samples` samples each; they depend on the store alone."""
@@ -404,11 +473,12 @@ class SampleStore:
             low[c], high[c] = offsets[texels], offsets[texels + 1]
         offsets = np.concatenate([[0], np.cumsum((high - low).sum(0))])
         frame = np.empty(offsets[-1], np.int32)
-        value = np.empty(offsets[-1], np.uint32)
+        value = np.empty(offsets[-1], WORDS[np.dtype(self.kind)])
         cursor = offsets[:-1].copy()
         for c, (first_frame, chunk) in enumerate(self.placed()):
             frames, values = (chunk.mapped(name) for name in COLUMNS)
             _gather(low[c], high[c], frames, words_of(values), first_frame, cursor, frame, value)
+        self._check_frames(frame, self.frames)
         return Block(0, len(texels), offsets, frame, bytes_of(value))
 
     def map_texels(

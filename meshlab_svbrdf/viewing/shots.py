@@ -6,6 +6,7 @@ from typing import Any
 
 import cv2
 
+from ..document.coding import Coding
 from ..document.frames import Frames
 from ..document.project import RasterEntry
 from ..errors import SvbrdfError
@@ -46,7 +47,7 @@ def picture(scene: Scene, frame: int) -> bytes:
     """The frame as a JPEG, made smaller where it is large; DocumentError where it is not there."""
     wanted = raster(scene, frame)
     times = -(-max(wanted.camera.width, wanted.camera.height) // WIDEST)
-    with Frames([wanted]) as frames:
+    with Frames([wanted], Coding.told(scene.document.json("frames"))) as frames:
         image = frames.read(wanted, times)
     good, code = cv2.imencode(".jpg", image[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, QUALITY])
     assert good

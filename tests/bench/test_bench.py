@@ -10,13 +10,21 @@ import pytest
 from typer.testing import CliRunner
 
 from meshlab_svbrdf import cli
-from meshlab_svbrdf.bench import child, measure
-from meshlab_svbrdf.bench.analysis import exponent, exponents, roofline, slope
+from meshlab_svbrdf.bench import child, huge, measure
+from meshlab_svbrdf.bench.analysis import (
+    TEXELS,
+    VISIBILITY,
+    exponent,
+    exponents,
+    roofline,
+    slope,
+)
+from meshlab_svbrdf.bench.huge import growth
 from meshlab_svbrdf.bench.machine import cores, machine
 from meshlab_svbrdf.bench.machine import measure as measured
 from meshlab_svbrdf.bench.measure import Wanted, benchmark
 from meshlab_svbrdf.bench.score import diffuse_error
-from meshlab_svbrdf.bench.sheets import sheets
+from meshlab_svbrdf.bench.sheets import huge_sheets, sheets
 from meshlab_svbrdf.bench.workload import Options, make_workload
 from meshlab_svbrdf.document.document import Document
 from meshlab_svbrdf.errors import SvbrdfError
@@ -38,7 +46,8 @@ def here(monkeypatch):
 
     monkeypatch.setattr(measure, "measure", at_once)
     monkeypatch.setattr(child, "warm_up", lambda *a: {"seconds": 0.0, "cpu_seconds": 0.0})
-    monkeypatch.setitem(child.TASKS, "warm", lambda **a: {"seconds": 1.0, "cpu_seconds": 1.0})
+    took = {"seconds": 1.0, "cpu_seconds": 1.0}
+    monkeypatch.setattr(measure, "first_run", lambda *a: {"first": took})
     return asked
 
 
@@ -62,7 +71,7 @@ def test_everything_is_measured(tmp_path, here):
     assert {"full", "standard"} == set(told["automatic"])
     assert [each["size"] for each in told["scaling"]] == ["frames", "texels"]
     assert told["scaling"][0]["sizes"] == [6, 12, 24]
-    assert told["kernels"].keys() == {"loading", "compiling"}
+    assert told["kernels"]["first"] == {"seconds": 1.0, "cpu_seconds": 1.0}
     # Every configuration ran once, and nothing of the runs is left
     runs = [json.dumps(arguments) for task, _, arguments in here if task == "chain"]
     assert len(set(runs)) == len(runs)
@@ -70,6 +79,33 @@ def test_everything_is_measured(tmp_path, here):
     titles = [sheet.title for sheet in sheets(told)]
     assert len(titles) == 6
     for sheet in sheets(told):
+        assert {len(cells) for cells in sheet.cells} == {len(sheet.headings)}
+        sheet.rich()
+
+
+def test_growth_is_a_line_through_two_runs():
+    def run(texels):
+        stages = [{"name": "a", "peak": 5000 + 7 * texels, "cpu_seconds": 2 + texels / 100}]
+        return {"texels": texels, "stages": stages, "disk": 3 * texels}
+
+    found = growth(run(100), run(300), "texels", 1e6)
+    (stage,) = found["stages"]
+    assert (stage["by_peak"], found["by_disk"]) == (7, 3)
+    assert stage["aim_peak"] == pytest.approx(run(1e6)["stages"][0]["peak"])
+    assert stage["aim_cpu"] == pytest.approx(run(1e6)["stages"][0]["cpu_seconds"])
+    assert found["aim_disk"] == pytest.approx(3e6)
+
+
+def test_a_huge_object_is_extrapolated(tmp_path, here, monkeypatch):
+    monkeypatch.setattr(huge, "measure", measure.measure)
+    monkeypatch.setattr(huge, "SURFACES", (300, 1200))
+    told = huge.huge(16, 64, replace(TINY, step=22.5), tmp_path)
+    assert json.dumps(told, allow_nan=False)
+    assert told["texels"]["sizes"] == [run["texels"] for run in told["runs"]]
+    assert told["triangles"]["sizes"][1] == pytest.approx(1200, rel=0.1)
+    assert [s["name"] for s in told["triangles"]["stages"]] == [TEXELS, VISIBILITY]
+    assert not list(tmp_path.glob("*/huge-*"))
+    for sheet in huge_sheets(told):
         assert {len(cells) for cells in sheet.cells} == {len(sheet.headings)}
         sheet.rich()
 

@@ -3,6 +3,7 @@
 import errno
 import resource
 import signal
+from contextlib import contextmanager
 
 import numpy as np
 import pytest
@@ -14,32 +15,43 @@ from meshlab_svbrdf.document.record import ResultFolder, write_json
 from meshlab_svbrdf.document.stored import write_array
 from meshlab_svbrdf.errors import DocumentError
 
-NOISE = np.random.default_rng(0)
+NOISE = np.random.default_rng(0).integers(0, 256, (99, 99, 3)).astype(np.uint8)
 WRITERS = {
     "a.npy": lambda path: write_array(path, np.zeros(9_000)),
     "a.json": lambda path: write_json(path, {"a": "b" * 9_000}),
-    "a.png": lambda path: write_png(path, NOISE.integers(0, 256, (99, 99, 3)).astype(np.uint8)),
-    "a.exr": lambda path: write_exr(path, NOISE.random((99, 99, 3))),
-    "a.ply": lambda path: write_ply(path, NOISE.random((9_000, 3))),
+    "a.png": lambda path: write_png(path, NOISE),
+    "a.exr": lambda path: write_exr(path, NOISE / 7),
+    "a.ply": lambda path: write_ply(path, NOISE.reshape(-1, 3) / 7),
 }
 
 
-@pytest.fixture
-def full():
-    """Files cannot grow beyond 4 kB, as on a disk that is full."""
+@contextmanager
+def room(size):
+    """Files cannot grow beyond that many bytes, as on a disk that is full."""
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     handler = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (4_096, before[1]))
-    yield
-    resource.setrlimit(resource.RLIMIT_FSIZE, before)
-    signal.signal(signal.SIGXFSZ, handler)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+        signal.signal(signal.SIGXFSZ, handler)
 
 
 @pytest.mark.parametrize("name", WRITERS)
-def test_a_full_disk_is_told_with_the_file_and_the_old_one_stays(tmp_path, full, name):
-    path = tmp_path / name
+@pytest.mark.parametrize("missing", [1, 10, 1_000, 5_000, None], ids=str)
+def test_a_full_disk_is_told_with_the_file_and_the_old_one_stays(tmp_path, name, missing):
+    """Also where only the last byte has no room."""
+    WRITERS[name](tmp_path / name)
+    size = (tmp_path / name).stat().st_size
+    assert size > 5_000
+    path = tmp_path / "again" / name
+    path.parent.mkdir()
     path.write_text("old")
-    with pytest.raises(DocumentError, match=rf"{path}: cannot be written whole .*make room"):
+    with (
+        room(size - missing if missing else 0),
+        pytest.raises(DocumentError, match=rf"{path}: cannot be written whole .*make room"),
+    ):
         WRITERS[name](path)
     if name != "a.npy":  # staged: nobody sees it
         assert path.read_text() == "old"

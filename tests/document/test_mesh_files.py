@@ -321,6 +321,8 @@ def test_obj_of_bare_geometry(tmp_path):
         ("f -1 1 2", "f 1/1/1/1 1 2", "corner is not"),
         ("f -1 1 2", "f 1/9 1/1 2/1", "texture coordinate index is 9"),
         ("mtllib a.mtl", "mtllib b.mtl", "material library"),
+        ("mtllib a.mtl", "mtllib a\0.mtl", "material library"),
+        ("mtllib a.mtl", f"mtllib {'a' * 5000}.mtl", "material library"),
     ],
 )
 def test_bad_obj_files_say_what_is_wrong(tmp_path, old, new, says):

@@ -12,7 +12,12 @@ from films import noise, turn, write_video
 from meshlab_svbrdf.document import video as module
 from meshlab_svbrdf.document.images import write_jpeg
 from meshlab_svbrdf.document.video import VideoReader
-from meshlab_svbrdf.document.video_file import frame_times, video_problem
+from meshlab_svbrdf.document.video_file import (
+    VideoCoding,
+    coding_of,
+    frame_times,
+    video_problem,
+)
 from meshlab_svbrdf.errors import DocumentError
 
 COUNT = 90
@@ -273,12 +278,23 @@ def test_sound_alone_is_no_video(tmp_path):
         frame_times(tmp_path / "a.mp4")
 
 
-@pytest.mark.parametrize(("transfer", "name"), [(16, "PQ"), (18, "HLG")])
-def test_hdr_is_refused(tmp_path, transfer, name):
-    write_video(tmp_path / "a.mp4", PICTURES[:2], codec="libx264", pixels="yuv420p", options={},
-                colorspace=9, color_trc=transfer)  # fmt: skip
-    with pytest.raises(DocumentError, match=rf"a\.mp4: is HDR \({name}\)"):
-        frame_times(tmp_path / "a.mp4")
+@pytest.mark.parametrize(
+    ("number", "name"), [(16, "pq"), (18, "hlg"), (8, "linear"), (1, "srgb"), (13, "srgb")]
+)
+def test_a_video_tells_its_transfer_function(tmp_path, number, name):
+    for pixels, deep in (("yuv420p", False), ("yuv420p10le", True)):
+        write_video(tmp_path / "a.mp4", PICTURES[:2], codec="libx264", pixels=pixels, options={},
+                    colorspace=9, color_trc=number, color_primaries=9)  # fmt: skip
+        assert coding_of(tmp_path / "a.mp4") == VideoCoding(name, deep, True)
+
+
+def test_pixels_of_more_than_8_bits_are_read_whole(tmp_path):
+    ramp = np.linspace(0, 65535, 64).astype(np.uint16)
+    picture = np.broadcast_to(ramp[:, None], (48, 64, 3)).copy()
+    write_video(tmp_path / "a.mkv", [picture], codec="ffv1", pixels="gbrp16le", source="rgb48le",
+                options={})  # fmt: skip
+    reader = VideoReader(tmp_path / "a.mkv", [0.0])
+    np.testing.assert_array_equal(reader.read(0.0, deep=True), picture)
 
 
 def test_frames_without_time_stamps_are_refused(tmp_path):

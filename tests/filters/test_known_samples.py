@@ -98,6 +98,28 @@ def test_an_interrupted_run_is_gone_on_with(walk, tmp_path, projected, monkeypat
     same_samples(again, fresh)
 
 
+def test_what_workers_have_done_is_gone_on_with(walk, tmp_path, projected, monkeypatch):
+    """The workers are a plain map here; each task has five frames."""
+    monkeypatch.setattr("meshlab_svbrdf.filters._samples.LEAST", 5)
+    monkeypatch.setattr("meshlab_svbrdf.filters._samples.MOST", 5)
+    monkeypatch.setattr("meshlab_svbrdf.samples.store.thread_count", lambda: 1)
+    document = Document.open(walk, tmp_path / "out")
+    document.spread = map
+    projected.stop = 17
+    with pytest.raises(KeyboardInterrupt):
+        run(document, SAMPLES, **SMALL)
+    assert not document.has("samples")
+    projected.clear()
+    projected.stop = -1
+
+    run(document, SAMPLES, **SMALL)
+    assert len(projected) == len(document.rasters) - 15
+    assert not list(document.folder.rglob("part-*"))
+    fresh = Document.open(walk, tmp_path / "fresh")
+    run(fresh, SAMPLES, **SMALL)
+    same_samples(document, fresh)
+
+
 def test_samples_that_are_not_kept_are_the_same(walk, tmp_path, projected, caplog):
     kept, held = Document.open(walk, tmp_path / "kept"), Document.open(walk, tmp_path / "held")
     run(kept, DIFFUSE, **SMALL)

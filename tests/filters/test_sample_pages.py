@@ -343,6 +343,24 @@ def test_the_order_of_rasters_does_not_matter_where_peaks_do_not(walk, plain, tm
     assert angle(*np.array(found)).max() < 1e-5
 
 
+@pytest.mark.parametrize("given", [{"spacing": 5}, {"frames": 12}, {"spacing": 5, "frames": 12}])
+def test_a_film_whose_camera_stands_still_is_used_and_nothing_is_divided_by_its_step(
+    walk, tmp_path, given
+):
+    def stand(project: Project) -> None:
+        for raster in project.rasters:
+            raster.camera, raster.path = project.rasters[0].camera, project.rasters[0].path
+
+    document = Document.open(edited(walk, tmp_path / "in", stand), tmp_path / "out")
+    run(document, SAMPLES, **small(given))
+    record = document.json("frames")
+    assert record["median_step_degrees"] == 0
+    assert not record["stills"]
+    used = [frame for frame in record["frames"] if "samples" in frame]
+    assert len({frame["samples"] for frame in used}) == 1
+    assert len(used) >= (1 if "frames" in given else 60)
+
+
 def test_stricter_quality_keeps_fewer_samples(walk, tmp_path):
     document = Document.open(walk, tmp_path)
     totals = []
@@ -377,7 +395,7 @@ def test_a_right_film_is_said_to_be_nothing_else(plain):
     assert record["outline"]["pixels"] <= 1.5
     assert record["outline"]["agreement"] > 0.35
     assert record["outline"]["frames"] == 12
-    assert record["light_change"]["halves"] < 0.06
+    assert record["light_change"]["sides"] < 0.03
     message = plain.results.record["runs"][SAMPLES]["message"]
     assert "outline" not in message
     assert "light changed" not in message
@@ -400,12 +418,23 @@ def test_a_mesh_of_another_object_is_told(walk, tmp_path):
     assert record["outline"]["agreement"] < 0.3
 
 
-def test_light_that_changed_is_told_with_how_much(walk, tmp_path, monkeypatch):
-    found = Steadiness(halves=0.19, turns=0.03)
+@pytest.mark.parametrize(
+    ("sides", "turns", "told"), [(0.19, 0.03, True), (0.19, 0.1, False), (0.03, 0.0, False)]
+)
+def test_light_that_changed_is_told_with_how_much(walk, tmp_path, monkeypatch, sides, turns, told):
+    """But of gold, which looks another from everywhere, and of what steady light does."""
+    found = Steadiness(sides, turns)
     monkeypatch.setattr(compute_svbrdf_samples, "light_steadiness", lambda *_: found)
     message, record = said_of(walk, tmp_path / "out")
-    assert "the same places 19% brighter or darker than the first, every other frame 3%" in message
-    assert record["light_change"] == {"halves": 0.19, "turns": 0.03}
+    assert ("one side of the object is 21% brighter than in the first" in message) == told
+    assert record["light_change"] == {"sides": sides, "turns": turns}
+
+
+def test_wrong_cameras_are_not_blamed_on_the_light(walk, tmp_path, monkeypatch):
+    monkeypatch.setattr(compute_svbrdf_samples, "light_steadiness", lambda *_: Steadiness(0.2, 0))
+    message, _ = said_of(edited(walk, tmp_path / "in", shifted(-8)), tmp_path / "out")
+    assert "the cameras are wrong" in message
+    assert "light changed" not in message
 
 
 def test_too_few_photographs_go_through_and_tell_what_they_lack(walk, tmp_path):

@@ -17,6 +17,7 @@ from totems import (
     VISIBILITY,
     WALK,
     by_texel,
+    contents,
     edited,
     film,
     run,
@@ -233,6 +234,74 @@ def test_several_textures_give_the_same_result_in_several_images(
             assert meshes.current_mesh().texture_number() == 2
     assert meshes.mesh_number() == 3
     render_view(two_textures, walk, tmp_path)
+
+
+def test_udim_tiles_give_the_same_result_as_textures(walk, scan, tmp_path):
+    upper = scan.vertices[scan.faces].mean(1)[:, 1] > 0
+    scan = replace(scan, uv=np.rint(scan.uv * 2**20) / 2**20)  # exact in both tiles
+    for name in ("low.png", "high.png"):
+        write_png(tmp_path / name, np.full((8, 8, 3), 200, np.uint8))
+    apart = replace(scan, texture_index=upper.astype(np.int32))
+    tiled = replace(scan, uv=scan.uv + upper[:, None, None] * [1, 0])
+    one = with_mesh(walk, tmp_path / "one", apart, tmp_path / "low.png", tmp_path / "high.png")
+    other = with_mesh(walk, tmp_path / "other", tiled)
+    documents = [Document.open(path, path.parent / "out") for path in (one, other)]
+    small = {TEXELS: {"texture_size": 64}}
+    said = [run(document, **small) for document in documents]
+    assert "UDIM tiles 1001-1002" in said[1][TEXELS].message
+    assert "UDIM" not in said[0][TEXELS].message
+    textures, tiles = (contents(document.folder) for document in documents)
+    maps = {name for name in textures if name.startswith("maps/")}
+    assert len(maps) >= 16
+    for name in maps:
+        path = Path(name)
+        stem, _, number = path.stem.partition(".")
+        tile = "1002" if number == "1" else "1001"
+        assert tiles[f"maps/{stem}.{tile}{path.suffix}"] == textures[name]
+    for name in textures:
+        if name.startswith("texels/"):
+            assert tiles[name] == textures[name]
+
+    # MeshLab shows a texture for each tile; the user's coordinates are known behind them
+    documents[1].save()
+    meshes = pymeshlab.MeshSet()
+    saved = Document.open(documents[1].path)
+    for layer in saved.layers:
+        if layer.label in ("totem", "materials", "map: rho_s"):
+            meshes.load_new_mesh(str(layer.path))
+            mesh = meshes.current_mesh()
+            assert mesh.texture_number() == 2
+            assert mesh.wedge_tex_coord_matrix().max() <= 1
+            assert all("1001" in name or "1002" in name for name in mesh.textures())
+    assert meshes.mesh_number() == 3
+    assert all(outcome.skipped for outcome in run(saved, **small).values())
+
+
+def test_an_obj_with_an_image_for_each_tile_is_udim(walk, scan, tmp_path):
+    uv = scan.uv + (scan.vertices[scan.faces].mean(1)[:, 1] > 0)[:, None, None] * [0, 1]
+    lines = ["mtllib totem.mtl", "usemtl all", *(f"v {x} {y} {z}" for x, y, z in scan.vertices)]
+    lines += [f"vt {u} {v}" for u, v in uv.reshape(-1, 2)]
+    corners = enumerate((scan.faces + 1).tolist())
+    lines += ["f " + " ".join(f"{v}/{3 * f + k + 1}" for k, v in enumerate(c)) for f, c in corners]
+    (tmp_path / "totem.obj").write_text("\n".join(lines))
+    (tmp_path / "totem.mtl").write_text("newmtl all\nmap_Kd paint.<UDIM>.png\n")
+    (tmp_path / "in").mkdir()
+    path = edited(
+        walk, tmp_path / "in", lambda project: project.set_mesh("totem", tmp_path / "totem.obj")
+    )
+    document = Document.open(path, tmp_path / "out")
+    for name in ("n.1001.png", "n.1011.png"):
+        write_png(tmp_path / name, np.full((8, 8, 3), (128, 128, 255), np.uint8))
+    given = {"texture_size": 64, "normal_map": str(tmp_path / "n.1001.png")}
+    said = run(document, TEXELS, **{TEXELS: given})[TEXELS].message
+    assert "in 2 images" in said
+    assert "UDIM tiles 1001, 1011" in said
+    assert document.tiles() == [1001, 1011]
+    write_png(tmp_path / "n.1011.png", np.full((8, 8, 3), (128, 120, 255), np.uint8))
+    assert not document.apply(TEXELS, **given).skipped
+    (tmp_path / "n.1011.png").unlink()
+    with pytest.raises(DocumentError, match=r"n\.1011\.png"):
+        document.apply(TEXELS, **given)
 
 
 def test_a_second_textures_missing_image_is_named(two_textures, tmp_path, walk):

@@ -139,7 +139,7 @@ def test_openness_is_the_cosine_weighted_visibility():
 
 def _with_coefficients(texels, coefficients) -> Observations:
     class Store:
-        frames, texels = 1, 2
+        frames, texels, bits = 1, 2, 8
 
     assert coefficients.shape[1] == COEFFICIENTS
     return observe(texels, Store(), orbit(1), np.array([[0, 1, 2]]), coefficients=coefficients)

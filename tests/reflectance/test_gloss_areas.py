@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 from analytic import angle, bumpy_ball, film, lamp, orbit, rotation
+from scipy.spatial import cKDTree
 
 from benchmarks.scenes.score import adjusted_rand
-from meshlab_svbrdf.reflectance.gloss_areas import by_gloss, by_size, patches
+from meshlab_svbrdf.reflectance.gloss_areas import _nearest, by_gloss, by_size, patches
 
 CAMERAS = orbit(60, turns=2.0, climb=100.0, distance=5.0)
 TEXELS = bumpy_ball(5000)
@@ -120,6 +121,13 @@ def test_patches_are_parts_of_clusters():
     assert np.array_equal(of[patch[labels >= 0]], labels[labels >= 0])
     spread = [np.ptp(PLACE[patch == p], axis=0).max() for p in range(len(of))]
     assert max(spread) <= 2 * np.linalg.norm(PLACE, axis=1).max() / 12 + 1e-6
+
+
+@pytest.mark.parametrize(("points", "places"), [(5, 0), (1, 3), (3, 4), (9, 0)])
+def test_nearest_points_also_where_nobody_asks_or_few_are_there(points, places):
+    rng = np.random.default_rng(0)
+    tree = cKDTree(rng.normal(size=(points, 3)))
+    assert _nearest(tree, rng.normal(size=(places, 3)), 4).shape == (places, min(4, points))
 
 
 def test_numbers_go_by_size():

@@ -12,6 +12,7 @@ from analytic import (
     film,
     free_texels,
     lamp,
+    observations_of,
     orbit,
     rotation,
     unit,
@@ -242,6 +243,58 @@ def test_moving_the_world_moves_only_the_lights(scene, shoot, world):
         assert angle(matrix @ m.direction, n.direction) < 0.02
         assert n.gain == pytest.approx(m.gain, rel=5e-3)
         assert n.curvature == pytest.approx(m.curvature, abs=2e-3)
+
+
+def samples_of(scene):
+    """Codes (T, F, 3) and quality (T, F) of a film."""
+    codes, quality = np.zeros((T, F, 3), np.uint8), np.zeros((T, F), np.uint8)
+    for block in scene.observations.store.blocks():
+        texel = block.first + np.repeat(np.arange(block.stop - block.first), np.diff(block.offsets))
+        codes[texel, block.frame], quality[texel, block.frame] = block.rgb, block.quality
+    return codes, quality
+
+
+def agree(found, expected, tolerance):
+    """Materials and lights of two fits."""
+    for m, n in zip(expected.materials, found.materials, strict=True):
+        assert m.observed == n.observed
+        if m.observed:
+            assert n.rho_s == pytest.approx(m.rho_s, rel=tolerance)
+            assert n.alpha == pytest.approx(m.alpha, rel=tolerance)
+    for m, n in zip(expected.lights, found.lights, strict=True):
+        np.testing.assert_allclose(n.direction, m.direction, atol=tolerance)
+        assert n.gain == pytest.approx(m.gain, rel=tolerance)
+
+
+def test_frames_that_a_mask_covers_change_nothing(scene, tmp_path):
+    codes, quality = samples_of(scene)
+    more = np.random.default_rng(5).integers(0, 256, (T, 9, 3)).astype(np.uint8)
+    covered = observations_of(
+        tmp_path, np.concatenate([codes, more], 1), np.pad(quality, ((0, 0), (0, 9))),
+        scene.observations.texels, [*scene.cameras, *orbit(9)],
+    )  # fmt: skip
+    agree(run(replace(scene, observations=covered)), run(scene), 0)
+
+
+def test_numbering_of_frames_does_not_matter(scene, tmp_path):
+    """To the rounding of sums: they are taken in the frames' order."""
+    codes, quality = samples_of(scene)
+    order = np.random.default_rng(6).permutation(F)
+    cameras = [scene.cameras[k] for k in order]
+    mixed = observations_of(
+        tmp_path, codes[:, order], quality[:, order], scene.observations.texels, cameras
+    )
+    agree(run(replace(scene, observations=mixed)), run(scene), 1e-3)
+
+
+def test_twice_the_light_is_twice_the_gloss(scene, tmp_path):
+    codes, quality = samples_of(scene)
+    twice = observations_of(
+        tmp_path, codes, quality, scene.observations.texels, scene.cameras, gains=np.full(F, 0.5)
+    )
+    found, expected = run(replace(scene, observations=twice)), run(scene)
+    double = [replace(m, rho_s=2 * m.rho_s) for m in expected.materials]
+    agree(found, replace(expected, materials=double), 0.02)
 
 
 def test_order_of_lights_does_not_matter(scene):

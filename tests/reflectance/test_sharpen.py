@@ -6,8 +6,9 @@ from analytic import free_texels, look_at, observations_of, plane, rotation, uni
 
 from meshlab_svbrdf.geometry.tangents import tangents
 from meshlab_svbrdf.geometry.texels import Texels, rasterise_texels
+from meshlab_svbrdf.reflectance import sharpen as module
 from meshlab_svbrdf.reflectance.footprint import SPREAD, footprints
-from meshlab_svbrdf.reflectance.sharpen import blur_kernel, sharpen
+from meshlab_svbrdf.reflectance.sharpen import Blur, sharpen
 from meshlab_svbrdf.samples.luminance import to_srgb8
 
 FOCAL = 150.0
@@ -99,11 +100,15 @@ def checks(texels: Texels, cell: int = 7) -> np.ndarray:
 QUIET = 1e-9
 
 
+def kernel_of(texels, covariance):
+    return Blur(texels, covariance).rows(slice(0, len(texels)))
+
+
 def test_kernel_is_the_gaussian_of_pixel_and_interpolation():
     """Its variance on the surface is 1/4 of a pixel's side squared (5 % less: it is cut at three
     standard deviations), its rows sum to 1."""
     texels = board()
-    kernel = blur_kernel(texels, footprint_of(texels, 2.0))
+    kernel = kernel_of(texels, footprint_of(texels, 2.0))
     np.testing.assert_allclose(kernel.sum(1), 1, rtol=1e-6)
     middle = np.flatnonzero((texels.row == 24) & (texels.col == 24))[0]
     row = kernel[[middle]].toarray()[0]
@@ -114,11 +119,20 @@ def test_kernel_is_the_gaussian_of_pixel_and_interpolation():
 def test_blur_is_undone():
     texels = board()
     covariance, sharp = footprint_of(texels, 1.5), checks(texels)
-    blurred = (blur_kernel(texels, covariance) @ sharp).astype(np.float32)
+    blurred = (kernel_of(texels, covariance) @ sharp).astype(np.float32)
     found = sharpen(texels, blurred, covariance, np.full(len(texels), QUIET))
     before, after = np.abs(blurred - sharp), np.abs(found - sharp)
     assert after.mean() < 0.27 * before.mean()
     assert after.max() < 0.55 * before.max()
+
+
+def test_rows_that_are_not_held_are_made_anew_to_the_bit(monkeypatch):
+    texels = board()
+    given = texels, checks(texels), footprint_of(texels, 1.5), np.full(len(texels), 0.3)
+    whole = sharpen(*given)
+    monkeypatch.setattr(module, "PIECE", 500)
+    monkeypatch.setattr(module, "HELD", 20_000)  # of some pieces, not of all
+    np.testing.assert_array_equal(sharpen(*given), whole)
 
 
 def test_what_is_even_stays_to_the_bit_of_its_rounding():
@@ -169,7 +183,7 @@ def test_charts_that_touch_in_the_texture_only_do_not_mix():
     position = texels.position.copy()
     position[texels.col >= 24, 2] += 10
     apart = Texels(**{**vars(texels), "position": position})
-    kernel = blur_kernel(apart, footprint_of(texels, 2.0))
+    kernel = kernel_of(apart, footprint_of(texels, 2.0))
     left = texels.col < 24
     assert not kernel[left][:, ~left].nnz
 
@@ -185,8 +199,8 @@ def test_textures_do_not_mix():
         np.tile(texels.row, 2), np.tile(texels.col, 2), texels.center, texels.radius,
         texels.sizes * 2,
     )  # fmt: skip
-    kernel = blur_kernel(twice, np.tile(footprint_of(texels, 2.0), (2, 1)))
-    once = blur_kernel(texels, footprint_of(texels, 2.0))
+    kernel = kernel_of(twice, np.tile(footprint_of(texels, 2.0), (2, 1)))
+    once = kernel_of(texels, footprint_of(texels, 2.0))
     n = len(texels)
     assert not kernel[:n, n:].nnz
     assert (kernel[n:, n:] != once).nnz == 0

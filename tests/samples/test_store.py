@@ -1,5 +1,7 @@
 """The sample store: the transposition against brute force, whatever the chunks and threads."""
 
+import json
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -11,12 +13,13 @@ from meshlab_svbrdf.samples.chunks import SampledFrame
 from meshlab_svbrdf.samples.store import SampleStore, write_store
 
 
-def random_frames(texels, frames, share, seed=0):
+def random_frames(texels, frames, share, seed=0, bits=8):
     rng = np.random.default_rng(seed)
+    kind = np.uint8 if bits == 8 else np.uint16
     out = []
     for _ in range(frames):
         texel = np.flatnonzero(rng.random(texels) < share).astype(np.int32)
-        out.append(SampledFrame(texel, rng.integers(0, 256, (len(texel), 4), np.uint8)))
+        out.append(SampledFrame(texel, rng.integers(0, 1 << bits, (len(texel), 4), kind)))
     return out
 
 
@@ -44,11 +47,16 @@ def write(folder, texels, frames, **kw):
 @settings(max_examples=15)
 @given(
     texels=st.integers(1, 20), frames=st.integers(0, 12), share=st.floats(0, 1),
-    seed=st.integers(0, 99), memory=st.sampled_from([0, 100, 1 << 20]), data=st.data(),
+    seed=st.integers(0, 99), memory=st.sampled_from([0, 100, 1 << 20]),
+    bits=st.sampled_from([8, 16]), data=st.data(),
 )  # fmt: skip
-def test_transposition_is_brute_forces(tmp_path_factory, texels, frames, share, seed, memory, data):
-    history = random_frames(texels, frames, share, seed)
-    store = write(tmp_path_factory.mktemp("store"), texels, history, memory=memory)
+def test_transposition_is_brute_forces(
+    tmp_path_factory, texels, frames, share, seed, memory, bits, data
+):
+    history = random_frames(texels, frames, share, seed, bits)
+    folder = tmp_path_factory.mktemp("store")
+    store = write(folder, texels, history, memory=memory, bits=bits)
+    store = data.draw(st.sampled_from([store, SampleStore.open(folder)]))
     first = data.draw(st.integers(0, texels - 1))
     stop = data.draw(st.integers(first, texels))
     block = store.read(first, stop)
@@ -61,13 +69,14 @@ def test_transposition_is_brute_forces(tmp_path_factory, texels, frames, share, 
 @settings(max_examples=15)
 @given(
     texels=st.integers(1, 20), frames=st.integers(0, 12), share=st.floats(0, 1),
-    memory=st.sampled_from([0, 100, 1 << 20]), samples=st.integers(1, 40), data=st.data(),
+    memory=st.sampled_from([0, 100, 1 << 20]), bits=st.sampled_from([8, 16]),
+    samples=st.integers(1, 40), data=st.data(),
 )  # fmt: skip
 def test_some_texels_are_read_as_they_are_among_all(
-    tmp_path_factory, texels, frames, share, memory, samples, data
+    tmp_path_factory, texels, frames, share, memory, bits, samples, data
 ):
-    history = random_frames(texels, frames, share)
-    store = write(tmp_path_factory.mktemp("store"), texels, history, memory=memory)
+    history = random_frames(texels, frames, share, bits=bits)
+    store = write(tmp_path_factory.mktemp("store"), texels, history, memory=memory, bits=bits)
     some = np.array(sorted(data.draw(st.sets(st.integers(0, texels - 1)))), np.int64)
     block = store.read_texels(some)
     assert (block.first, block.stop) == (0, len(some))
@@ -168,6 +177,59 @@ def test_a_store_that_has_been_cut_off_is_named(tmp_path):
     column.write_bytes(column.read_bytes()[:-1])
     with pytest.raises(DocumentError, match=r"chunk0000.value.npy has been cut off"):
         store.read(0, 10)
+
+
+def description(key, value):
+    def damage(folder):
+        path = folder / "store.json"
+        path.write_text(json.dumps(json.loads(path.read_text()) | {key: value}))
+
+    return damage
+
+
+def column(name, change):
+    def damage(folder):
+        path = folder / f"chunk0000.{name}.npy"
+        values = np.load(path)
+        change(values)
+        np.save(path, values)
+
+    return damage
+
+
+def set_to(index, value):
+    def change(values):
+        values[index] = value
+
+    return change
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        description("texels", 11), description("texels", 10**400), description("texels", None),
+        description("chunks", [4]), description("chunks", [5, 5]), description("seen", [1]),
+        description("seen", [10**30] * 9), description("names", 3), description("quality", {}),
+        column("offsets", set_to(3, 10**6)), column("offsets", set_to(0, 2)),
+        column("offsets", set_to(-1, 5)), column("frame", set_to(0, 9)),
+        lambda folder: (folder / "store.json").write_text("[" * 100_000),
+        lambda folder: (folder / "store.json").unlink(),
+        lambda folder: (folder / "chunk0000.frame.npy").write_bytes(b"\x93NUMPY\1\0\x10\0{'descr'"),
+        lambda folder: np.save(folder / "chunk0000.value.npy", np.zeros((90, 3), np.uint8)),
+    ],
+)  # fmt: skip
+def test_a_store_that_is_damaged_is_named_before_kernels_follow_it(tmp_path, damage):
+    write(tmp_path, 10, random_frames(10, 9, 1.0))
+    damage(tmp_path)
+    with pytest.raises(DocumentError, match=rf"{tmp_path}: the samples are damaged .*--force"):
+        SampleStore.open(tmp_path).read(0, 10)
+
+
+def test_frames_that_are_none_are_seen_by_those_who_read_some_texels(tmp_path):
+    write(tmp_path, 10, random_frames(10, 9, 1.0))
+    column("frame", set_to(-1, 200))(tmp_path)
+    with pytest.raises(DocumentError, match="one is of frame 200 of 9"):
+        SampleStore.open(tmp_path).read_texels(np.array([9]))
 
 
 def test_the_mean_quality_of_a_frame_is_kept(tmp_path):

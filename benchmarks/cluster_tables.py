@@ -1,0 +1,150 @@
+"""Tables of what more machines gain, and what 100 machines and 10,000 objects would take."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from .ledger import Row
+from .tables import Table
+
+WORKLOAD, PROCESSOR = "workload", "processor"
+EMPTY = 1000  # tasks that do nothing
+NETWORK = 125e6  # bytes a second of a machine's line of 1 Gbit/s
+DISK = 1e9  # bytes a second of a shared disk
+PASSES = ("compute_svbrdf_luminance_threshold", "compute_svbrdf_diffuse_color",
+          "compute_svbrdf_material_specular")  # fmt: skip
+SAMPLES = "compute_svbrdf_samples"
+OBJECTS, MACHINES = 10_000, (1, 10, 100, 1000)
+
+
+def tables(rows: Sequence[Row]) -> list[Table]:
+    good = [row for row in rows if "error" not in row and row["scene"] == WORKLOAD]
+    made = [_times(good)] if good else []
+    some = [row for row in good if row["workers"]]
+    here = next((row for row in good if not row["workers"]), None)
+    if some:
+        made.append(_moved(some[-1]))
+    if some and here:
+        made += [_one_object(here, some[-1]), _many_objects(here, some[-1])]
+    return made + [
+        _processor(row) for row in rows if "error" not in row and row["scene"] == PROCESSOR
+    ]
+
+
+def _processor(row: Row) -> Table:
+    return Table(
+        "Workers whose processor has other vector instructions",
+        ["compiled for", "samples here", "there", "of these with another byte",
+         "largest difference of D, 0..100", "99.9 % are below"],
+        [[
+            row["name"], f"{row['samples']:,}", f"{row['others']:,}",
+            f"{row['differ']:,}" if "differ" in row else "–", f"{row['most']:.2g}",
+            f"{row['typical']:.2g}",
+        ]],
+    )  # fmt: skip
+
+
+def _sum(row: Row, key: str, spread: bool | None = None) -> float:
+    """Over the stages; spread : over those alone that gave workers something, or over the others"""
+    names = (SAMPLES, *PASSES)
+    return sum(s[key] for s in row["stages"] if spread is None or (s["name"] in names) == spread)
+
+
+def _times(rows: Sequence[Row]) -> Table:
+    cells = [
+        [
+            row["name"], f"{_sum(row, 'seconds'):.1f}", f"{_sum(row, 'seconds', True):.1f}",
+            f"{_sum(row, 'cpu_seconds'):.1f}", f"{_sum(row, 'workers_cpu'):.1f}",
+            f"{row['start']:.1f}" if "start" in row else "–",
+            "yes" if row["digest"] == rows[0]["digest"] else "NO",
+        ]
+        for row in rows
+    ]  # fmt: skip
+    one = rows[0]
+    return Table(
+        f"{one['frames']} frames, {one['texels']:,} texels, {one['samples']:,} samples, on "
+        f"{one['cores']} cores",
+        ["by", "s", "of these stages that spread", "CPU s here", "CPU s of workers",
+         "s to start them", "D the same, bit by bit"],
+        cells,
+    )  # fmt: skip
+
+
+def _moved(row: Row) -> Table:
+    cells = []
+    for stage in row["stages"]:
+        n = stage.get("tasks")
+        if not n:
+            cells.append([stage["name"], f"{stage['cpu_seconds']:.1f}", *["–"] * 7])
+            continue
+        read = row["frame_bytes"] if stage["name"] == SAMPLES else row["store_bytes"]
+        wrote = row["store_bytes"] if stage["name"] == SAMPLES else 0
+        cells.append([
+            stage["name"], f"{stage['cpu_seconds']:.1f}", f"{n}",
+            f"{stage['workers_cpu'] / n:.2f}", f"{stage['sent'] / 1e6:.1f}",
+            f"{stage['given'] / n:.0f}", f"{stage['returned'] / n / 1e3:,.1f}",
+            f"{read / n / 1e6:.1f}", f"{wrote / n / 1e6:.1f}",
+        ])  # fmt: skip
+    return Table(
+        "What moves",
+        ["stage", "CPU s here", "tasks", "CPU s each", "MB to each worker, once", "bytes to a task",
+         "kB from a task", "MB a task reads", "writes"],
+        cells,
+        (f"A task that does nothing takes {1e3 * row['empty']:.2f} ms, {EMPTY} at once.",),
+    )  # fmt: skip
+
+
+def _one_object(here: Row, row: Row) -> Table:
+    """Amdahl: what spreads is divided, what does not stays, what travels is added."""
+    rest = _sum(here, "seconds", False) + _sum(row, "cpu_seconds", True)
+    work = _sum(row, "workers_cpu", True)
+    stages = [s for s in row["stages"] if s.get("tasks")]
+    sent, given = (sum(s[key] for s in stages) for key in ("sent", "returned"))
+    count = sum(s["tasks"] for s in stages)
+    disk = here["frame_bytes"] + (1 + len(PASSES)) * here["store_bytes"]
+    cells = []
+    for cores in MACHINES:
+        each = min(cores, max(s["tasks"] for s in stages))
+        line = sent * max(cores.bit_length(), 1) / NETWORK + given / NETWORK + count * row["empty"]
+        shared = max(work / each, disk / DISK)
+        cells.append([
+            f"{cores}", f"{rest:.1f}", f"{work / each:.1f}", f"{disk / DISK:.1f}", f"{line:.1f}",
+            f"{rest + shared + line:.1f}",
+        ])  # fmt: skip
+    return Table(
+        f"On paper: one object of {here['frames']} frames",
+        ["workers' cores", "s that do not spread", "s of work", "s of the shared disk",
+         "s of network and scheduler", "s"],
+        cells,
+        (f"A network of {NETWORK / 1e6:.0f} MB/s and a shared disk of {DISK / 1e6:.0f} MB/s; "
+         "work and disk overlap; what a stage that spreads does here counts by its CPU time; "
+         "what is sent to every worker goes on from one to the next, twice as many each "
+         "time; there are no more tasks than "
+         f"{max(s['tasks'] for s in stages)} in a stage.",),
+    )  # fmt: skip
+
+
+def _many_objects(here: Row, row: Row) -> Table:
+    """Objects as tasks: a machine such as this one each."""
+    each = _sum(here, "seconds")
+    moved = here["frame_bytes"] + (1 + len(PASSES)) * here["store_bytes"] + here["result_bytes"]
+    kept = here["store_bytes"] + here["result_bytes"]
+    cells = []
+    for machines in MACHINES:
+        rate = min(machines / each, DISK / moved)
+        cells.append([
+            f"{machines:,}", f"{OBJECTS / rate / 3600:,.1f}", f"{machines / each * 3600:,.0f}",
+            f"{machines / each * moved / 1e6:,.0f}", f"{100 * rate * row['empty']:.3f} %",
+        ])  # fmt: skip
+    return Table(
+        f"On paper: {OBJECTS:,} objects of {here['frames']} frames",
+        ["machines", "hours", "objects an hour, but for the disk", "MB/s of the shared disk",
+         "of the scheduler's time"],
+        cells,
+        (
+            f"An object takes {each:.0f} s on {here['cores']} cores and moves "
+            f"{moved / 1e9:.2f} GB; {kept / 1e9:.2f} GB stay, {kept * OBJECTS / 1e12:.1f} TB of "
+            f"all, {here['result_bytes'] * OBJECTS / 1e12:.1f} TB without samples.",
+            f"A disk of {DISK / 1e6:.0f} MB/s is full at {DISK / moved * each:.0f} machines.",
+        ),
+    )  # fmt: skip

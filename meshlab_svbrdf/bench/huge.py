@@ -1,0 +1,88 @@
+"""How memory, time and disk grow towards a huge object: lines through runs on two smaller ones."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from .machine import measure
+from .workload import Options, make_workload
+
+Figures = dict[str, Any]
+TEXELS = 16384**2
+TRIANGLES = 10_000_000
+SIZE = "compute_svbrdf_texels.texture_size"
+SURFACES = 100_000, 400_000  # triangles
+FACES_SIZE = 256  # of the texture where triangles are counted
+DIRECTIONS = 64  # rays a vertex there: their time is a line, their memory the same
+
+
+def huge(
+    frames: int, texture_size: int, options: Options, folder: Path | None,
+    estimator: str = "joint", preset: str = "full", say: Callable[[str], None] = lambda line: None,
+) -> Figures:  # fmt: skip
+    """Runs at the texture size and at half of it, surfaces of so many triangles, and what follows
+    for `TEXELS` and `TRIANGLES`.
+
+    Kernels are loaded in both runs of a line alike: its slope does not hold that.
+
+    texels : `growth` per stage of the whole chain, and the two runs
+    triangles : of the stages that need the mesh alone
+    """
+    say(f"making {frames} frames, or what is lacking of them")
+    workload = make_workload(folder, frames, options)
+    place = Path(tempfile.mkdtemp(prefix="huge-", dir=workload.folder))
+    try:
+        runs = []
+        for size in (texture_size // 2, texture_size):
+            say(f"{frames} frames, {size}×{size}")
+            runs.append(measure(
+                "chain", project=str(workload.first(frames)), output=str(place / "run"),
+                estimator=estimator, preset=preset, settings={SIZE: str(size)}, warm=False,
+            ))  # fmt: skip
+            shutil.rmtree(place / "run")
+        surfaces = []
+        for count in SURFACES:
+            say(f"a surface of {count:,} triangles")
+            surfaces.append(measure(
+                "surface", folder=str(place), triangles=count, size=FACES_SIZE,
+                directions=DIRECTIONS,
+            ))  # fmt: skip
+    finally:
+        shutil.rmtree(place, ignore_errors=True)
+    return {
+        "runs": runs,
+        "texels": growth(runs[0], runs[1], "texels", TEXELS),
+        "triangles": growth(surfaces[0], surfaces[1], "triangles", TRIANGLES),
+    }
+
+
+def growth(small: Figures, large: Figures, size: str, aim: float) -> Figures:
+    """Straight lines through two runs, at `aim`; size : what grew, "texels" or "triangles".
+
+    stages : peak (bytes), cpu (seconds) at the larger run; by_peak, by_cpu, what one more takes;
+        aim_peak, aim_cpu at the aim; disk, by_disk, aim_disk of the folder of results
+    """
+    more = large[size] - small[size]
+    rest = aim - large[size]
+
+    def line(few: float, many: float) -> tuple[float, float, float]:
+        each = (many - few) / more
+        return many, each, many + each * rest
+
+    stages = []
+    for few, many in zip(small["stages"], large["stages"], strict=True):
+        peak, by_peak, aim_peak = line(few["peak"], many["peak"])
+        cpu, by_cpu, aim_cpu = line(few["cpu_seconds"], many["cpu_seconds"])
+        stages.append({
+            "name": many["name"], "peak": peak, "by_peak": by_peak, "aim_peak": aim_peak,
+            "cpu": cpu, "by_cpu": by_cpu, "aim_cpu": aim_cpu,
+        })  # fmt: skip
+    disk, by_disk, aim_disk = line(small["disk"], large["disk"])
+    return {
+        "size": size, "sizes": [small[size], large[size]], "aim": aim, "stages": stages,
+        "disk": disk, "by_disk": by_disk, "aim_disk": aim_disk,
+    }  # fmt: skip

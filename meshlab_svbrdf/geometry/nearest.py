@@ -1,0 +1,122 @@
+"""The nearest of many points that lie about evenly on a surface.
+
+In a grid whose cells are about two points wide they are all in the cells around, found in one walk
+along the sorted cells. Where they are not, or a cell is crowded, a k-d tree is asked, which takes
+more than twice as long.
+"""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from ..jit import kernel
+from ..threads import thread_count
+
+WIDE = 1.7
+"""A cell's side, in distances between a point and its fourth nearest (the median of some)."""
+ASKED = 5000
+CROWDED = 400
+"""Points in the cells around one, from which on the tree is asked."""
+MOST_CELLS = 2**62
+PIECES = 32
+
+
+def tree_of(position: np.ndarray) -> cKDTree:
+    """A k-d tree that is built fast."""
+    return cKDTree(position, balanced_tree=False, compact_nodes=False)
+
+
+def nearest(position: np.ndarray, k: int) -> tuple[np.ndarray, np.ndarray]:
+    """The k nearest of each point (T, 3), itself among them, by rising distance; k ≤ T.
+
+    Returns distances (T, k) float32 and indices (T, k) int32.
+    """
+    tree = tree_of(position)
+    distance = np.empty((len(position), k), np.float32)
+    index = np.empty((len(position), k), np.int32)
+    some = position[:: 1 + len(position) // ASKED]
+    wide = WIDE * float(np.median(tree.query(some, k=[min(5, len(position))])[0]))
+    unsure = np.ones(len(position), bool)
+    if wide > 0:
+        _from_grid(np.asarray(position, np.float64), wide, distance, index, unsure)
+    left = np.flatnonzero(unsure)
+    if len(left):
+        far, those = tree.query(position[left], k=np.arange(1, k + 1), workers=-1)
+        distance[left], index[left] = far, those
+    return distance, index
+
+
+def _from_grid(
+    position: np.ndarray, wide: float, distance: np.ndarray, index: np.ndarray, unsure: np.ndarray
+) -> None:
+    place = np.floor((position - position.min(0)) / wide) + 1
+    extent = place.max(0) + 2
+    if np.prod(extent) > MOST_CELLS:
+        return
+    _, rows, columns = extent.astype(np.int64)
+    x, y, z = place.astype(np.int64).T
+    key = (x * rows + y) * columns + z
+    order = np.argsort(key, kind="stable")
+    cells, starts = np.unique(key[order], return_index=True)
+    starts = np.append(starts, len(order))
+    around = np.array([(i * rows + j) * columns for i in (0, -1, 1) for j in (0, -1, 1)])
+    points = position[order]
+
+    def walk(first: int, stop: int) -> None:
+        _walk(
+            first, stop, points, order, cells, starts, around, wide * wide, distance, index, unsure
+        )
+
+    edges = np.linspace(0, len(cells), PIECES + 1).astype(int).tolist()
+    with ThreadPoolExecutor(thread_count()) as pool:
+        list(pool.map(lambda piece: walk(*piece), pairwise(edges)))
+
+
+@kernel
+def _walk(first, stop, points, order, cells, starts, around, reach, distance, index, unsure):
+    """The nearest of the points in the cells first..stop.
+
+    points : (T, 3), cell by cell; cells : (C,), ascending; starts : (C + 1,), of their points
+    around : (9,), from a cell to the middles of nine columns of three cells; reach : a cell's
+        side, squared: nothing beyond those columns is nearer
+    """
+    k, rows = distance.shape[1], len(around)
+    low, high = np.zeros(rows, np.int64), np.zeros(rows, np.int64)
+    least, own = np.empty(k), np.empty(k, np.int64)
+    for r in range(rows):
+        if first < stop:
+            low[r] = high[r] = np.searchsorted(cells, cells[first] + around[r] - 1)
+    for c in range(first, stop):
+        count = 0
+        for r in range(rows):
+            while low[r] < len(cells) and cells[low[r]] < cells[c] + around[r] - 1:
+                low[r] += 1
+            high[r] = max(high[r], low[r])
+            while high[r] < len(cells) and cells[high[r]] <= cells[c] + around[r] + 1:
+                high[r] += 1
+            count += starts[high[r]] - starts[low[r]]
+        if count < k or count > CROWDED:
+            continue
+        for i in range(starts[c], starts[c + 1]):
+            x, y, z = points[i, 0], points[i, 1], points[i, 2]
+            for n in range(k):
+                least[n] = np.inf
+            for r in range(rows):
+                for j in range(starts[low[r]], starts[high[r]]):
+                    a, b, d = points[j, 0] - x, points[j, 1] - y, points[j, 2] - z
+                    away = a * a + b * b + d * d
+                    if away < least[k - 1]:
+                        n = k - 1
+                        while n > 0 and least[n - 1] > away:
+                            least[n], own[n] = least[n - 1], own[n - 1]
+                            n -= 1
+                        least[n], own[n] = away, j
+            if least[k - 1] <= reach:
+                t = order[i]
+                unsure[t] = False
+                for n in range(k):
+                    distance[t, n], index[t, n] = np.sqrt(least[n]), order[own[n]]

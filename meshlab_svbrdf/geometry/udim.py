@@ -1,0 +1,45 @@
+"""UDIM tiles: texture coordinates beyond 0..1 that name an image by the unit square they lie in.
+
+The square of floor(u), floor(v) is image 1001 + floor(u) + 10 floor(v), as Mari, ZBrush, Substance
+and Blender number them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from .mesh import Mesh
+
+FIRST = 1001
+ACROSS = 10
+"""Tiles in a row; a u beyond them is no tile."""
+ROUNDING = 1e-4
+"""How far, in tiles, a corner may lie over its tile's border."""
+
+
+def split_tiles(mesh: Mesh) -> tuple[Mesh, np.ndarray] | None:
+    """The mesh with a texture for each tile, coordinates in 0..1, and the tiles' numbers (N,).
+
+    None where the coordinates are no UDIM: all lie in 0..1, or a face reaches over its tile's
+    border, or lies left of or below the first, as where one image repeats. Faces without a texture
+    (-1) stay so. Where several of the mesh's textures share a tile, each gets its own, and the
+    tile's number comes several times. Textures are in the order of the tiles.
+    """
+    if mesh.uv is None:
+        return None
+    count, index = len(mesh.faces), mesh.texture_index
+    index = np.zeros(count, np.int32) if index is None else index
+    has = (index >= 0) & np.isfinite(mesh.uv).all((1, 2))
+    tile = np.zeros((count, 2), np.int64)
+    tile[has] = np.floor(mesh.uv[has].mean(1))
+    inner = mesh.uv - tile[:, None]
+    crossing = ((inner[has] < -ROUNDING) | (inner[has] > 1 + ROUNDING)).any()
+    if crossing or not tile.any() or tile.min() < 0 or tile[:, 0].max() >= ACROSS:
+        return None
+    number = FIRST + tile[:, 0] + ACROSS * tile[:, 1]
+    found, texture = np.unique(np.column_stack([number, index])[has], axis=0, return_inverse=True)
+    own = np.full(count, -1, np.int32)
+    own[has] = texture.reshape(-1)
+    return replace(mesh, uv=inner, texture_index=own), found[:, 0].astype(np.int32)
