@@ -49,11 +49,6 @@ def _glossy(row: Row) -> str:
     return f"{sum('rho_s' in m for m in true)} of {len(true)}"
 
 
-def usual(rows: Sequence[Row]) -> list[Row]:
-    """Those that are there, of texels with as many samples as usual."""
-    return [row for row in rows if "error" not in row and row["least"] == MINIMUM_SAMPLES]
-
-
 COLUMNS = (
     Column("wide", "width"),
     Column("apart °", "step", "{:.1f}"),
