@@ -58,9 +58,9 @@ PEAKS = "compute_svbrdf_texel_specular.peaks"
 GLOSS = "compute_svbrdf_material_specular.gloss"
 LEAST = "compute_svbrdf_luminance_threshold.minimum_samples"
 COMPARED = "compute_svbrdf_materials.gloss"
-FEW, FEWEST = 16, 4
+FEW, ENOUGH, FEWEST = 16, 8, 4
 """Samples of a texel, on average, below which parts of the surface would not have the 8 that are
-asked for; what is asked for then (docs/sequences.md)."""
+asked for; from where on gloss is right with less; what is asked for then (docs/sequences.md)."""
 TRIED_FRAMES, TRIED_TEXELS, TIMED_TEXELS = 24, 4000, 65536
 
 
@@ -201,7 +201,7 @@ def make_plan(document: Document, steps: list[Step], given: Mapping[str, Any]) -
         _highlights(trial, given),
         _reduction(reduce, found.pixels_per_texel(side), given),
     ]
-    if trial and trial.share * used < FEW:
+    if trial and (ENOUGH <= trial.share * used < FEW or LEAST in given):
         decisions.append(_few(trial.share * used, given))
     there = {step.name for step in steps}
     for decision in decisions:
