@@ -46,7 +46,7 @@ GUARDS: list[Guard] = [
     *_guards(
         "reflectance/threshold.py", "reflectance/test_threshold.py",
         ("fewer than 8 samples: unobserved", "if n < least:", "if n < 1:",
-         "test_fewer_than_eight_samples_are_unobserved"),
+         "test_fewer_samples_than_asked_for_are_unobserved"),
     ),
     *_guards(
         "reflectance/environment.py", "reflectance/test_environment.py",

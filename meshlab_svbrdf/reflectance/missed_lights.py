@@ -167,7 +167,7 @@ def complete_lights(
 
     def fitted(guess: list[Light]) -> JointFit:
         return fit(
-            observations, material, guess, turn, footprint, samples=samples // 3,
+            observations, material, guess, turn, footprint, samples=samples // 2,
             curvature=curvature, **options,
         )  # fmt: skip
 
