@@ -103,27 +103,6 @@ def _refit(block, view, material, gloss, tint, bulbs, diffuse):
             diffuse[i, 2] = max((b - tint[m, 2] * s) / weight, 0.0)
 
 
-def refit_diffuse(
-    observations: Observations,
-    diffuse: np.ndarray,
-    material: np.ndarray,
-    gloss: Gloss,
-    tint: np.ndarray,
-    lights: list[Light],
-    progress: Callable[[int, int], None] = lambda done, total: None,
-) -> np.ndarray:
-    """D of every texel with its material's highlights taken off, (T, 3) float32, linear RGB 0..100.
-
-    Parameters
-    ----------
-    diffuse : (T, 3), the statistical D; it stays where the material has no gloss
-    material : (T,) int32, -1 for none
-    gloss : of the M materials; tint : (M, 3), the highlights' colours
-    """
-    work = refitting(observations, diffuse, material, gloss, tint, lights)
-    return observations.store.rows(work, progress)[0]
-
-
 def refitting(
     observations: Observations,
     diffuse: np.ndarray,
@@ -132,7 +111,13 @@ def refitting(
     tint: np.ndarray,
     lights: list[Light],
 ) -> Callable[[Block], tuple[np.ndarray]]:
-    """What gives `refit_diffuse` for a block's texels."""
+    """What gives D of a block's texels with their material's highlights taken off, (B, 3) float32,
+    linear RGB 0..100 (`SampleStore.rows`).
+
+    diffuse : (T, 3), the statistical D; it stays where the material has no gloss
+    material : (T,) int32, -1 for none
+    gloss : of the M materials; tint : (M, 3), the highlights' colours
+    """
     everywhere = np.arange(len(observations.texels))
     bulbs = lamps(
         lights, observations.texels.radius, cast_shadows(observations, everywhere, lights)

@@ -18,7 +18,7 @@ from meshlab_svbrdf.reflectance.diffuse import (
     diffuse_color,
     specular_weight,
 )
-from meshlab_svbrdf.reflectance.diffuse_refit import refit_diffuse
+from meshlab_svbrdf.reflectance.diffuse_refit import refitting
 from meshlab_svbrdf.reflectance.directions import directions, octahedral_cell
 from meshlab_svbrdf.reflectance.microfacet import phong_gloss
 from meshlab_svbrdf.reflectance.threshold import luminance_threshold
@@ -305,9 +305,11 @@ def test_refit_takes_the_lobes_off_exactly(tmp_path):
     """With the true lobes what is left of each sample is the diffuse colour, but for rounding."""
     o, d, lights, y = glossy(tmp_path)
     start = np.repeat((d * 1.3)[:, None], 3, 1).astype(np.float32)
-    found = refit_diffuse(
-        o, start, np.zeros(T, np.int32), phong_gloss([80.0], [30.0]), np.ones((1, 3)), lights
-    )
+    found = o.store.rows(
+        refitting(
+            o, start, np.zeros(T, np.int32), phong_gloss([80.0], [30.0]), np.ones((1, 3)), lights
+        )
+    )[0]
     assert (y > 100).any()
     np.testing.assert_allclose(found, np.repeat(d[:, None], 3, 1), rtol=0.01, atol=0.1)
 
@@ -319,16 +321,18 @@ def test_refit_leaves_what_it_does_not_know(tmp_path, material):
     start = np.repeat((d * 1.3)[:, None], 3, 1).astype(np.float32)
     start[:3] = np.nan
     rho = [np.nan] if material == 0 else [40.0]
-    found = refit_diffuse(
-        o, start, np.full(T, material, np.int32), phong_gloss(rho, rho), np.ones((1, 3)), lights
-    )
+    found = o.store.rows(
+        refitting(
+            o, start, np.full(T, material, np.int32), phong_gloss(rho, rho), np.ones((1, 3)), lights
+        )
+    )[0]
     np.testing.assert_array_equal(found, start)
 
 
 def test_refit_without_lights_is_a_robust_mean(tmp_path):
     o, d, _, _ = glossy(tmp_path, rho=0.0)
     start = np.repeat(d[:, None], 3, 1).astype(np.float32)
-    found = refit_diffuse(
-        o, start, np.zeros(T, np.int32), phong_gloss([80.0], [30.0]), np.ones((1, 3)), []
-    )
+    found = o.store.rows(
+        refitting(o, start, np.zeros(T, np.int32), phong_gloss([80.0], [30.0]), np.ones((1, 3)), [])
+    )[0]
     np.testing.assert_allclose(found, start, rtol=0.01, atol=0.05)

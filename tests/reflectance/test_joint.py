@@ -21,7 +21,7 @@ from analytic import (
 import meshlab_svbrdf.reflectance.joint as module
 from meshlab_svbrdf.geometry.camera import Camera
 from meshlab_svbrdf.reflectance.diffuse import diffuse_color
-from meshlab_svbrdf.reflectance.diffuse_refit import refit_diffuse
+from meshlab_svbrdf.reflectance.diffuse_refit import refitting
 from meshlab_svbrdf.reflectance.environment import environment_map
 from meshlab_svbrdf.reflectance.evidence import Evidence
 from meshlab_svbrdf.reflectance.fit_state import _predict, _reweigh, huber_scale
@@ -481,10 +481,16 @@ def test_from_samples_to_lights_materials_and_diffuse_colour(shoot):
     found = run(scene, lights)
     assert_lights(found, LIGHTS)
     assert_materials(found, scene, 0.03)
-    refit = refit_diffuse(
-        o, diffuse, scene.material, described(found.materials, [None] * 2)[0], np.ones((2, 3)),
-        found.lights,
-    )  # fmt: skip
+    refit = o.store.rows(
+        refitting(
+            o,
+            diffuse,
+            scene.material,
+            described(found.materials, [None] * 2)[0],
+            np.ones((2, 3)),
+            found.lights,
+        )
+    )[0]
     seen = statistics.observed
     before, after = (np.abs(d[seen] / scene.diffuse[seen] - 1) for d in (diffuse, refit))
     assert np.median(before) < 0.03
