@@ -6,6 +6,7 @@ compiling   inside it happens, on two cores
 
 from __future__ import annotations
 
+import gc
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -15,6 +16,9 @@ from typing import Any
 
 from .kernel_list import listed
 from .threads import thread_count
+
+SELDOM = 50_000
+"""Objects more than before, after which the interpreter looks for garbage: numba's live long."""
 
 
 def compiled() -> bool:
@@ -40,8 +44,13 @@ def compiling(say: Callable[[str], None]) -> Iterator[None]:
         yield
         return
     say("compiling kernels, this happens once and takes half a minute…")
-    with _second() if thread_count() > 1 else nullcontext():
-        yield
+    usual = gc.get_threshold()
+    gc.set_threshold(SELDOM, *usual[1:])
+    try:
+        with _second() if thread_count() > 1 else nullcontext():
+            yield
+    finally:
+        gc.set_threshold(*usual)
 
 
 @contextmanager

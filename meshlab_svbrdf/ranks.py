@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .jit import kernel
+from .jit import inner, kernel
 from .power import LANES
 
 TIGHTENED = 4
@@ -16,7 +16,7 @@ _LOWEST, _HIGHEST = np.int32(-0x7F800001), np.int32(0x7F800000)
 """`_key` of the infinities."""
 
 
-@kernel(fastmath=LANES)
+@inner(fastmath=LANES)
 def _at_most(values, bound):
     """How many are at most the bound (of up to 2²⁴, counted in lanes of single precision)."""
     count = np.float32(0)
@@ -25,7 +25,7 @@ def _at_most(values, bound):
     return np.int64(count)
 
 
-@kernel
+@inner
 def _key(bits):
     """Whole numbers in the order of the numbers in single precision with these bits, and back.
 
@@ -34,7 +34,7 @@ def _key(bits):
     return np.int32(bits ^ ((bits >> np.int32(31)) & np.int32(0x7FFFFFFF)))
 
 
-@kernel
+@inner
 def _largest(values, bound):
     """The largest that is at most the bound."""
     bits, found = values.view(np.int32), _LOWEST
@@ -44,7 +44,7 @@ def _largest(values, bound):
     return np.int32(_key(found)).view(np.float32)
 
 
-@kernel
+@inner
 def _least_above(values, bound):
     """The least that is above the bound."""
     bits, found = values.view(np.int32), _HIGHEST
@@ -54,7 +54,7 @@ def _least_above(values, bound):
     return np.int32(_key(found)).view(np.float32)
 
 
-@kernel
+@inner
 def smallest(values):
     """The least of finite values (n,) float32, n ≥ 1."""
     return _least_above(values, np.float32(-np.inf))
@@ -68,7 +68,7 @@ def _mean(values):
     return total / np.float32(len(values))
 
 
-@kernel
+@inner
 def _ranked(values, rank):
     """The value of a rank from 1, and how many are at most that."""
     low, high = smallest(values), _largest(values, np.float32(np.inf))

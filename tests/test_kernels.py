@@ -10,7 +10,7 @@ from contextlib import nullcontext
 import pytest
 from numba import types
 
-from meshlab_svbrdf import kernels
+from meshlab_svbrdf import jit, kernels
 from meshlab_svbrdf.kernel_list import _argument, _type, listed
 from meshlab_svbrdf.kernels import compiling
 from meshlab_svbrdf.samples.store import Block
@@ -86,6 +86,22 @@ def test_what_another_process_compiled_is_taken(tmp_path):
                               capture_output=True, text=True)  # fmt: skip
     assert told.stdout.split() == ["4", "5.0", "Counter()"]
     assert len(list((tmp_path / "kept").rglob("*.nbc"))) == 2
+
+
+def test_an_inner_kernel_is_called_by_kernels_only():
+    """From Python it would crash."""
+
+    @jit.inner
+    def half(x):
+        return x / 2
+
+    @jit.kernel
+    def quarter(x):
+        return half(x) / 2
+
+    assert quarter(2.0) == 0.5
+    with pytest.raises(TypeError, match="half is called by kernels only"):
+        half(2.0)
 
 
 @pytest.mark.parametrize(("cores", "helped"), [(1, 0), (2, 1)])

@@ -8,17 +8,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..jit import kernel
+from ..jit import inner, kernel
 
 
-@kernel
+@inner
 def _wave(x):
     """Nearly a sine of period 1, of parabolas: a tenth of a sine's time."""
     t = x - np.floor(x + 0.5)
     return t * (8.0 - 16.0 * abs(t))
 
 
-@kernel
+@inner
 def _paint(x, y, z, colours, albedo):
     """Write the albedo at a place; its material."""
     height = y + 0.16 * _wave(0.64 * x) * _wave(0.64 * z + 0.25)
@@ -31,7 +31,7 @@ def _paint(x, y, z, colours, albedo):
     return material
 
 
-@kernel
+@inner
 def _lamp(k, p, n, lamps, toward):
     """Write the unit direction to a lamp; intensity and cosine at a place."""
     square = 0.0
@@ -46,7 +46,7 @@ def _lamp(k, p, n, lamps, toward):
     return lamps[k, 3] / square, cosine
 
 
-@kernel
+@inner
 def _interpolate(values, corners, weights, out):
     for c in range(out.shape[0]):
         out[c] = (
@@ -56,7 +56,7 @@ def _interpolate(values, corners, weights, out):
         )
 
 
-@kernel
+@inner
 def _unit(v):
     length = np.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
     v[0], v[1], v[2] = v[0] / length, v[1] / length, v[2] / length

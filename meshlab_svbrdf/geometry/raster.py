@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..jit import kernel
+from ..jit import inner, kernel
 from .camera import Camera
 from .groups import GROUP, Groups, faces_away, group, walk
 
@@ -47,7 +47,7 @@ def _project_vertices(vertices, R, t, fx, fy, cx, cy, out):
         inverse_depth[i] = w if before else 0.0
 
 
-@kernel
+@inner
 def _put(surface, index, at, w, f):
     """The nearer of what is at a pixel and of face f at 1/z = w; 0 is none."""
     if index is None:
@@ -56,12 +56,12 @@ def _put(surface, index, at, w, f):
         surface[at], index[at] = w, f
 
 
-@kernel
+@inner
 def _cross(a, b):
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-@kernel
+@inner
 def _fill_homogeneous(a, b, c, f, height, width, surface, index):
     """Fill one face whose corners, homogeneous (u z, v z, z), may lie behind the camera."""
     if max(a[2], b[2], c[2]) <= _NEAR:
@@ -116,7 +116,7 @@ def _place(points, front, width, height, small, whole):
         small[AREA + k] = abs(area)
 
 
-@kernel
+@inner
 def _prepare(small):
     """Edge functions and depth of small faces, in the table of `_place`.
 
@@ -143,7 +143,7 @@ def _prepare(small):
         small[LEAST + k], small[MOST + k] = min(min(w1, w2), zero), max(max(w1, w2), zero)
 
 
-@kernel
+@inner
 def _fill_small(small, whole, count, first, width, surface, index):
     """Test every pixel of the small faces' boxes, of the `count` faces from `first` on."""
     zero = np.float32(0)
@@ -172,7 +172,7 @@ def _fill_small(small, whole, count, first, width, surface, index):
             row_at += np.uint64(width)
 
 
-@kernel
+@inner
 def _fill_rows(points, f, height, width, surface, index):
     """Fill a face row by row, each edge a bound of the columns from the left or the right.
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..geometry.harmonics import evaluate_all, scale_coefficients
-from ..jit import kernel
+from ..jit import inner, kernel
 from ..power import FAST, exp
 from ..ranks import quantile
 from ..samples.observations import (
@@ -87,7 +87,7 @@ def cone_weights(cone: float, kernel: str, rings: int = 4) -> np.ndarray:
     return np.exp(-0.5 * ((1 - cos) / np.cos(np.radians(cone))) ** 2)
 
 
-@kernel
+@inner
 def _across(x, y, z):
     """The two axes across (x, y, z) of `cone_directions`."""
     sign = 1.0 if z >= 0 else -1.0
@@ -148,7 +148,7 @@ def specular_weight(y, log_b, threshold, minimum):
     return s if (y > minimum) & (exponent > DARK / 16) else zero
 
 
-@kernel
+@inner
 def _cone_with_visibility(lit, coefficients, x, y, z):
     """Eq. 4 to the letter: V(ω) for each direction of the cone."""
     probability, cosines, sines, phis, weights = (
@@ -168,7 +168,7 @@ def _cone_with_visibility(lit, coefficients, x, y, z):
     return top / bottom if bottom > 0 else 0.0
 
 
-@kernel
+@inner
 def _specular_weights(block, view, i, threshold, minimum, ys, lit, letter, rows, cell, ws):
     """Weigh each sample of the block's texel i by how surely it is diffuse, or by s to the letter.
 
@@ -196,7 +196,7 @@ def _specular_weights(block, view, i, threshold, minimum, ys, lit, letter, rows,
         ws[j] = s if letter else one - s
 
 
-@kernel(fastmath=FAST)
+@inner(fastmath=FAST)
 def _weighted_bound(ys, ws, otherwise):
     """Weighted mean and deviation, added; `otherwise` where nothing has weight."""
     total, weight, deviation = 0.0, 0.0, 0.0
@@ -211,7 +211,7 @@ def _weighted_bound(ys, ws, otherwise):
     return np.float32(mu + deviation / weight)
 
 
-@kernel(fastmath=FAST)
+@inner(fastmath=FAST)
 def _mean_below(ys, bound, quality, red, green, blue):
     """Mean colour, weighted by quality, where Y is no more than the bound; NaN for none."""
     r = g = b = weight = np.float64(0)

@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from ..jit import kernel
+from ..jit import inner, kernel
 from ..power import FAST
 from ..ranks import quantile
 from ..samples.observations import Observations, View, longest, mirrors
@@ -22,7 +22,7 @@ LEAST_SCALE = 0.3
 """Of the residuals, 0..100: the noise of eight bits."""
 
 
-@kernel(fastmath=FAST)
+@inner(fastmath=FAST)
 def _trust(n, shine, quality, h0, h, trust):
     """Huber's threshold h = h0 + .2 S, and q / (1 + (S/10)²), what weights are before it."""
     for j in range(n):
@@ -31,7 +31,7 @@ def _trust(n, shine, quality, h0, h, trust):
         trust[j] = quality[j] / (np.float32(1) + tenth * tenth)
 
 
-@kernel(fastmath=FAST)
+@inner(fastmath=FAST)
 def _weigh(n, e, d, h, trust, bound, w):
     """w' = trust · huber; a clipped sample, a `bound`, counts only if d is too dark for it.
 
@@ -47,7 +47,7 @@ def _weigh(n, e, d, h, trust, bound, w):
     return top, weight
 
 
-@kernel(fastmath=FAST)
+@inner(fastmath=FAST)
 def _sums(n, red, green, blue, shine, w):
     """Σ w' I of each channel, and Σ w' S."""
     r, g, b, s = 0.0, 0.0, 0.0, 0.0

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..jit import kernel
+from ..jit import inner, kernel
 
 
 def directions(height: int) -> np.ndarray:
@@ -74,7 +74,7 @@ def octahedral_cell(x, y, z, size):
     return min(row, size - 1), min(col, size - 1)
 
 
-@kernel
+@inner
 def octahedral_cells(x, y, z, size, cell):
     """`octahedral_cell` of directions (n,) float32, to cell (n,) uint32: row · size + column."""
     zero, one, half = np.float32(0), np.float32(1), np.float32(0.5 * size)

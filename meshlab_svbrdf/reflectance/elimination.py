@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..jit import kernel
+from ..jit import inner, kernel
 from ..power import FAST
 from ..samples.observations import longest
 from .fit_samples import FitSamples
@@ -23,7 +23,7 @@ REACH = 3
 """Cells to both sides of a shininess that is already known."""
 
 
-@kernel(fastmath=FAST)
+@inner(fastmath=FAST)
 def _luminances(n, y, origin, w, d):
     """y − origin to d (n,); Σw, Σwd and Σwd²."""
     sw, sy, syy = 0.0, 0.0, 0.0
@@ -34,7 +34,7 @@ def _luminances(n, y, origin, w, d):
     return sw, sy, syy
 
 
-@kernel(fastmath=FAST)
+@inner(fastmath=FAST)
 def _lobe_sums(n, phi, w, d):
     """Σwφ, Σwφd and Σwφ²."""
     sp, spy, spp = 0.0, 0.0, 0.0

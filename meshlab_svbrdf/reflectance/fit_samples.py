@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..jit import kernel
+from ..jit import inner, kernel
 from ..samples.observations import (
     Observations,
     color,
@@ -58,7 +58,7 @@ class FitSamples:
         return 0.5 * (np.einsum("na,na->n", self.blur[:, :3], self.blur[:, :3]) + self.blur[:, 3])
 
 
-@kernel
+@inner
 def is_clipped(block, view, j):
     """Any tap of sample j was clipped, or its luminance before dividing by exposure is above 98."""
     red, green, blue = block.value[j, 0], block.value[j, 1], block.value[j, 2]

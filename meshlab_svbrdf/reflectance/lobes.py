@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..jit import kernel
+from ..jit import inner, kernel
 from ..power import FAST, LANES, exp, ln
 
 LEAST = np.float32(0.01)
@@ -22,13 +22,13 @@ STRETCH = 64
 """Samples, one after the other, that a lamp's lobe reaches or not: their directions are alike."""
 
 
-@kernel(fastmath=FAST)
+@inner(fastmath=FAST)
 def _cosines(x, y, z, a, b, c, out):
     for j in range(len(x)):
         out[j] = a * x[j] + b * y[j] + c * z[j]
 
 
-@kernel(fastmath=LANES)
+@inner(fastmath=LANES)
 def _some_above(values, bound):
     """How many are above the bound."""
     count = np.float32(0)
@@ -37,7 +37,7 @@ def _some_above(values, bound):
     return count
 
 
-@kernel(fastmath=FAST)
+@inner(fastmath=FAST)
 def _add_powers(cos, power, gain, out):
     for j in range(len(cos)):
         out[j] += gain * exp(power * ln(max(cos[j], np.float32(1e-9))))
@@ -83,7 +83,7 @@ def take(mirror, blur, first, n, columns):
     return most
 
 
-@kernel(fastmath=LANES)
+@inner(fastmath=LANES)
 def _least_sum(n, u1, u2):
     least = FAR
     for j in range(n):
@@ -112,7 +112,7 @@ def part(columns, n, ray, u1, u2):
     return _least_sum(n, u1, u2)
 
 
-@kernel(fastmath=FAST)
+@inner(fastmath=FAST)
 def soften(columns, n, alpha, h1, h2, height):
     """What blur makes of the shininess α: α h₁ and α h₂ along its axes, and the lobe's height."""
     power = np.float32(alpha)

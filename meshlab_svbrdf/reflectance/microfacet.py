@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..jit import kernel
+from ..jit import inner, kernel
 from .phong import lobe
 
 PHONG, GGX, BECKMANN = 0, 1, 2
@@ -73,7 +73,7 @@ def phong_gloss(rho_s: np.ndarray, alpha: np.ndarray) -> Gloss:
     return Gloss(np.zeros(len(rho), np.int64), rho, np.zeros_like(rho), shape)
 
 
-@kernel
+@inner
 def _unshadowed(kind, cos, roughness):
     """Smith's G₁: the share of the microfacets that is not hidden along a direction."""
     tan2 = (1.0 - cos * cos) / (cos * cos)

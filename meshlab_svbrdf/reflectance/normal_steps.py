@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..geometry.tangents import tangents
-from ..jit import kernel
+from ..jit import inner, kernel
 from ..ranks import quantile
 from ..samples.observations import longest, sample_luminance, sample_quality
 from .fit_samples import is_clipped
@@ -69,7 +69,7 @@ def predict(
         e[j] = sample_luminance(block, view, first + j) - total
 
 
-@kernel
+@inner
 def _weigh(block, view, first, n, half, e, s, h0, w):
     """q · huber of the residuals about their median; the other half of the film gets 0."""
     center = quantile(e[:n], 0.5)
@@ -83,7 +83,7 @@ def _weigh(block, view, first, n, half, e, s, h0, w):
         w[j] = sample_quality(block, first + j) * min(1.0, (h0 + 0.2 * s[j]) / max(abs(d), 1e-9))
 
 
-@kernel
+@inner
 def _variance(e, w, n):
     """Weighted sum of squares of e about its weighted mean."""
     sw, se, see = 0.0, 0.0, 0.0
@@ -92,7 +92,7 @@ def _variance(e, w, n):
     return see - se * se / sw if sw > 0 else 0.0
 
 
-@kernel
+@inner
 def _turn(normal, x, y, z):
     """Add a step to a normal (3,) and make it a unit again."""
     x, y, z = normal[0] + x, normal[1] + y, normal[2] + z

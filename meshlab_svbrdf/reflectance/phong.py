@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..geometry.visibility import directional_visibility
-from ..jit import kernel
+from ..jit import inner, kernel
 from ..samples.observations import Observations, View, fill_visibility, visibility
 from .lights import Light
 
@@ -95,7 +95,7 @@ def cast_shadows(
     return lit
 
 
-@kernel
+@inner
 def light_texel(view, t, lamps, coefficients, rays, gains):
     """Fill rays (P, 3) with l_k at texel t, gains (P,) with g_k V_k /|L|²; 0 below the horizon."""
     has = fill_visibility(view, t, coefficients)

@@ -13,14 +13,14 @@ from __future__ import annotations
 import numpy as np
 
 from ..geometry.tangents import tangents
-from ..jit import kernel
+from ..jit import inner, kernel
 from .footprint import SPREAD
 
 SHARP = 2e-4
 """Of 1/α, the blur below which a lobe is as good as sharp."""
 
 
-@kernel
+@inner
 def _swing(shape, n, vx, vy, vz, facing, near, qx, qy, qz):
     """J q of a step q across the view, in the mesh's units; near = 1 / distance."""
     # Stay on the surface
@@ -38,7 +38,7 @@ def _swing(shape, n, vx, vy, vz, facing, near, qx, qy, qz):
     )
 
 
-@kernel
+@inner
 def pixel_blur(view, pixel, shape, t, f):
     """The covariance of the mirror directions that a pixel covers, radians².
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..jit import kernel
+from ..jit import inner, kernel
 
 
 @kernel
@@ -199,7 +199,7 @@ def contacts(indptr, indices, labels, piece, counts):
                 counts[piece[i], other] += 1
 
 
-@kernel
+@inner
 def _nearest_around(i, colors, indptr, indices, labels, means):
     best = labels[i]
     least = np.inf

@@ -4,20 +4,20 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..jit import kernel
+from ..jit import inner
 from ..samples.observations import relative_luminance
 
 SATURATED = 98.0
 """Luminance, 0..100 on the frame's own scale, above which a sample is clipped (paper §7.2)."""
 
 
-@kernel
+@inner
 def clips(quality, r, g, b):
     """A sample of this colour, linear 0..1 before dividing by exposure, and stored quality."""
     return quality >= 128 or np.float32(100) * relative_luminance(r, g, b) > SATURATED
 
 
-@kernel
+@inner
 def read_row(block, view, first, n, red, green, blue, quality, bound):
     """Colour and quality of the samples first..first + n, and whether they are clipped.
 
@@ -43,7 +43,7 @@ def read_row(block, view, first, n, red, green, blue, quality, bound):
             blue[j] = blue[j] * view.scale[f, 2]
 
 
-@kernel
+@inner
 def luminances(n, red, green, blue, y):
     """Linear Y (Rec. 709) of a row's colours."""
     for j in range(n):

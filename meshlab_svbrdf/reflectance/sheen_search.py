@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..jit import kernel
+from ..jit import inner, kernel
 from ..ranks import quantile
 from ..samples.observations import Observations, color, sample_luminance, sample_quality
 from .directions import octahedral_cell
@@ -111,7 +111,7 @@ def weigh(samples, used, noise, weight):
                 weight[j] = 0
 
 
-@kernel
+@inner
 def mirrored(n, ray, table):
     """The table's value at the mirror direction of `ray` about the normal n."""
     twice = np.float32(2) * (n[0] * ray[0] + n[1] * ray[1] + n[2] * ray[2])
@@ -121,7 +121,7 @@ def mirrored(n, ray, table):
     return table[row, col]
 
 
-@kernel(fastmath={"nsz", "arcp", "contract", "reassoc"})
+@inner(fastmath={"nsz", "arcp", "contract", "reassoc"})
 def _cost(samples, weight, first, stop, n, table, prior):
     """Least ‖y − a − s·ℓ(r)‖² + prior·(s − 1)² over the level a and the strength s, and s."""
     w, wl, wy, ll, ly, yy = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0

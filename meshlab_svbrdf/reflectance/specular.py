@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..jit import kernel
+from ..jit import inner, kernel
 from ..samples.observations import Observations, mirror_direction, sample_luminance
 from ..samples.store import Block
 from .fit_samples import is_clipped
@@ -96,7 +96,7 @@ def solve_peak(excess_max, excess_min, d2_max, d2_min, variance):
     return rho, alpha
 
 
-@kernel
+@inner
 def _judge_run(block, view, t, run, n, d, shapes, least_of_peak, farthest_point, nearer_than):
     """ρs, α, d²_max and light of one peak, whose samples are run[:n], and its two samples c_max and
     c_min (-1: none); α NaN if it does not tell."""
@@ -135,7 +135,7 @@ def _judge_run(block, view, t, run, n, d, shapes, least_of_peak, farthest_point,
     return rho, alpha, d2_max, lamp, top, low
 
 
-@kernel
+@inner
 def _next_run(block, view, d, sequence, order, j, stop, run):
     """The next run of consecutive frames brighter than d from sample j on: its length and end."""
     n = 0
@@ -154,7 +154,7 @@ def _next_run(block, view, d, sequence, order, j, stop, run):
     return n, j
 
 
-@kernel
+@inner
 def _about_light(block, view, t, d, lamp, shapes, j, stop, run):
     """The samples brighter than d whose nearest light is `lamp`: how many."""
     n = 0

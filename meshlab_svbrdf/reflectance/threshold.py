@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from ..jit import kernel
+from ..jit import inner, kernel
 from ..power import FAST
 from ..ranks import smallest
 from ..samples.observations import (
@@ -43,7 +43,7 @@ class LuminanceStatistics:
         return np.isfinite(self.threshold)
 
 
-@kernel
+@inner
 def _keep(quality, cut, red, green, blue):
     """Move the colours of good enough samples to the front; how many they are."""
     kept = 0
@@ -59,7 +59,7 @@ def _keep(quality, cut, red, green, blue):
     return n
 
 
-@kernel(fastmath=FAST)
+@inner(fastmath=FAST)
 def _total(n, red, green, blue, y):
     r, g, b, total = 0.0, 0.0, 0.0, 0.0
     for j in range(n):
@@ -67,7 +67,7 @@ def _total(n, red, green, blue, y):
     return r, g, b, total
 
 
-@kernel(fastmath=FAST)
+@inner(fastmath=FAST)
 def _deviation(y, mu):
     total = 0.0
     for j in range(len(y)):

@@ -12,7 +12,7 @@ from ..geometry.groups import GROUP, faces_away, group
 from ..geometry.mesh import Mesh
 from ..geometry.raster import DepthMaps
 from ..geometry.texels import Texels
-from ..jit import kernel
+from ..jit import inner, kernel
 from .chunks import SampledFrame
 from .luminance import decode, encode
 from .radiance_code import code_of
@@ -80,7 +80,7 @@ DEPTH, COSINE, QUALITY, NEAREST, RIGHT, BELOW, SURFACE = range(0, 7 * GROUP, GRO
 PIXEL, PLACE, SEEN = range(0, 3 * GROUP, GROUP)
 
 
-@kernel
+@inner
 def _project(
     position, normal, first, count, R, t, intrinsics, eye, size, crop, cut, reference_depth,
     numbers, indices,
@@ -126,7 +126,7 @@ def _project(
         indices[PLACE + k] = row * columns + col if inside else np.int32(0)
 
 
-@kernel
+@inner
 def _judge(numbers, indices, border, occlusion, cut):
     """Whether something lies before the texels, and their quality by the distance to the border
     too: a loop that the compiler makes eight texels wide."""
@@ -140,7 +140,7 @@ def _judge(numbers, indices, border, occlusion, cut):
         indices[SEEN + k] = seen
 
 
-@kernel
+@inner
 def _code(linear, to_code):
     """What is stored: an sRGB code, looked up, or without a table (None) a radiance's."""
     if to_code is None:  # each is compiled without the other

@@ -11,7 +11,7 @@ from ..geometry.camera import Camera
 from ..geometry.harmonics import evaluate
 from ..geometry.texels import Texels
 from ..geometry.visibility import Rays
-from ..jit import kernel
+from ..jit import inner, kernel
 from .luminance import decode
 from .radiance_code import LARGEST, table
 from .store import SampleStore
@@ -150,7 +150,7 @@ def color(block, view, j):
     )
 
 
-@kernel
+@inner
 def relative_luminance(r, g, b):
     """Linear Y (Rec. 709) of a linear colour."""
     return np.float32(0.2126) * r + np.float32(0.7152) * g + np.float32(0.0722) * b
@@ -163,7 +163,7 @@ def sample_luminance(block, view, j):
     return relative_luminance(r, g, b)
 
 
-@kernel
+@inner
 def longest(offsets, first, stop):
     """The most samples of a texel among first..stop."""
     most = 0
@@ -193,7 +193,7 @@ def mirror_direction(view, i, f):
     return twice * nx - vx, twice * ny - vy, twice * nz - vz
 
 
-@kernel
+@inner
 def mirrors(view, i, frame, x, y, z):
     """`mirror_direction` of texel i seen from some frames (n,), to x, y, z (n,) float32."""
     n = len(frame)
