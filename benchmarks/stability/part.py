@@ -14,7 +14,7 @@ from typing import Any
 from ..cases import LONG, PHOTOGRAPHS, SAMPLE, Case
 from ..ledger import Row, Task
 from ..tables import Table
-from . import chain, lamps, precision, statistics
+from . import chain, lamps, precision, stages, statistics
 from .checks import Check, run_cases
 from .guards import try_guards
 from .handmade import try_handmade
@@ -26,7 +26,8 @@ PART = "stability"
 EXTREMES, FILES, GUARDED, INTERRUPTED = "extremes", "files", "guards", "interrupted"
 HONEST, FILMS = "honest", (SAMPLE, LONG, PHOTOGRAPHS)
 SWEEPS: dict[str, ModuleType] = {
-    "sums": statistics, "single precision": precision, "lights and gloss": lamps,
+    "sums": statistics, "single precision": precision, "each stage": stages,
+    "lights and gloss": lamps,
     "the chain": chain,
 }  # fmt: skip
 DAMAGED, KILLS, DISKS = 200, 200, 60
