@@ -47,8 +47,11 @@ def cases(folder: Path) -> Iterator[Case]:
     yield "luminance threshold", "t, of 100", SINGLE, partial(_threshold, folder, "noise", 1_000)
     yield "environment map", "of its largest", 1e-5, partial(_environment, folder)
     yield "diffuse colour, s of a sample", "s", 1e-5, _weight
-    yield "diffuse colour, without light", "D, of 100", SINGLE, partial(
-        _diffuse, folder, "noise", 1_000
+    yield (
+        "diffuse colour, without light",
+        "D, of 100",
+        SINGLE,
+        partial(_diffuse, folder, "noise", 1_000),
     )
     yield "light sources", "degrees", 1e-6, _lights
     yield "specular of texels", "ln α, ln ρs", 1e-4, partial(_peaks, folder)
@@ -62,7 +65,7 @@ def _visibility() -> float:
     """Two balls that hide one another, and the same a million metres away."""
     one = sphere(12)
     both = Mesh(
-        np.concatenate([one.vertices, one.vertices + [2.2, 0, 0]]),
+        np.concatenate([one.vertices, one.vertices + np.array([2.2, 0, 0])]),
         np.concatenate([one.faces, one.faces + len(one.vertices)]),
         np.concatenate([one.normals, one.normals]),
     )
@@ -188,7 +191,11 @@ def _sums() -> float:
         return v - v.mean(1, keepdims=True)
 
     exact = [
-        [(centred(cos**a) * centred(y)).sum(), (centred(cos**a) ** 2).sum(), (centred(y) ** 2).sum()]
+        [
+            (centred(cos**a) * centred(y)).sum(),
+            (centred(cos**a) ** 2).sum(),
+            (centred(y) ** 2).sum(),
+        ]
         for a in ALPHAS
     ]
     exact = np.array(exact).T
