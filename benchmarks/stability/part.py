@@ -31,7 +31,7 @@ SWEEPS: dict[str, ModuleType] = {
     "the chain": chain,
 }  # fmt: skip
 DAMAGED, KILLS, DISKS = 200, 200, 60
-MEGABYTES = (100, 400, 1000, 1500, 1550, 1600, 1700, 1800, 1900, 2000, 2200, 2400, 2800, 3200, 4000)
+MEGABYTES = (100, 1000, 1500, 1550, 1600, 1700, 1850, 2000)
 
 
 def tasks(only: Sequence[str] = (), films: Sequence[Case] = ()) -> list[Task]:
