@@ -25,7 +25,9 @@ COMPILED = (
     "tests/reflectance/test_diffuse.py::test_weight_of_the_darkest_sample_is_nothing",
     # Numbers of Python's become single beside single ones
     "tests/reflectance/test_threshold.py::test_sums_of_millions_lose_nothing",
-    "tests/samples/test_capture.py",  # slow as Python
+    # Slow as Python
+    "tests/samples/test_capture.py",
+    "tests/reflectance/test_normal_refinement.py",
 )
 
 
@@ -241,7 +243,7 @@ GUARDS: list[Guard] = [
     *_guards(
         "reflectance/albedo.py", "reflectance/test_albedo.py",
         ("too little light: no albedo", ", out=np.full(light.shape, np.nan), where=enough)", ")",
-         "test_what_is_unobserved_stays_so"),
+         "test_dividing_is_the_inverse_of_shading"),
     ),
     *_guards(
         "geometry/visibility.py", "geometry/test_visibility.py",

@@ -47,6 +47,7 @@ GIVEN: dict[str, dict[str, Any]] = {"compute_svbrdf_texels": {"texture_size": 64
 NAME, SAVING = "totem", "saving"
 STAGES = (*CHAIN, SAVING)
 FINISH = 0.1  # of the kills, after which the run is let go on to its end
+PROGRESS = "plan: ", "compiling kernels"
 HIDDEN = (".lock", ".staging", ".commit", ".partial")
 
 
@@ -139,7 +140,7 @@ def _in_shell(project: Path, output: Path, limit: int = resource.RLIM_INFINITY) 
         [*command, "--texture-size", "1024"], cwd=ROOT, capture_output=True, text=True,
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (limit, limit)),
     )  # fmt: skip
-    said = "\n".join(line for line in done.stderr.splitlines() if not line.startswith("plan: "))
+    said = "\n".join(line for line in done.stderr.splitlines() if not line.startswith(PROGRESS))
     if done.returncode not in (0, 1):
         said = f"ended with {done.returncode}: {said}"
     return said if done.returncode else "", output / project.name
