@@ -5,6 +5,7 @@ Exit codes: 0 done, 1 an error of the input (said without a traceback), 130 inte
 
 from __future__ import annotations
 
+import errno
 import json
 import logging
 import sys
@@ -40,6 +41,11 @@ errors = Console(stderr=True)
 TEXTURE_SIZE = "compute_svbrdf_texels.texture_size"
 MATERIALS = "compute_svbrdf_materials.image"
 CURRENT = "up to date"
+NO_MEMORY = (
+    "there is not enough memory: use a smaller texture (--texture-size), fewer frames "
+    "(--set compute_svbrdf_samples.frames=120) or --preset draft, or end other programs; "
+    "finished stages are kept"
+)
 
 
 def run(
@@ -285,16 +291,12 @@ def _friendly() -> Iterator[None]:
                 f"{error.filename}: {error.strerror}; see to its permissions and the free space, "
                 "or give another place with -o"
             )
-        _say_error(text)
+        _say_error(f"{text}; {NO_MEMORY}" if _out_of_memory(error) else text)
         raise typer.Exit(1) from None
     except (MemoryError, RuntimeError, cv2.error) as error:
         if not _out_of_memory(error):
             raise
-        _say_error(
-            "there is not enough memory: use a smaller texture (--texture-size), fewer frames "
-            "(--set compute_svbrdf_samples.frames=120) or --preset draft, or end other programs; "
-            "finished stages are kept"
-        )
+        _say_error(NO_MEMORY)
         raise typer.Exit(1) from None
     except KeyboardInterrupt:
         errors.print("Interrupted; finished stages are kept, the same command goes on from there.")
@@ -307,11 +309,19 @@ def _say_error(text: str) -> None:
     errors.print(f"Error: {text}", style="red", markup=False, highlight=False, soft_wrap=True)
 
 
-def _out_of_memory(error: Exception) -> bool:
-    """Whether an error of the libraries means that memory, or room for threads, has run out."""
+def _out_of_memory(error: BaseException | None) -> bool:
+    """Whether an error, or the one it was made of, means that memory, or room for threads, has run
+    out."""
+    if error is None:
+        return False
     if isinstance(error, cv2.error):
         return error.code == cv2.Error.StsNoMem
-    return isinstance(error, MemoryError) or "can't start new thread" in str(error)
+    return (
+        isinstance(error, MemoryError)
+        or getattr(error, "errno", None) == errno.ENOMEM
+        or "can't start new thread" in str(error)
+        or _out_of_memory(error.__context__)
+    )
 
 
 def _name_value(text: str) -> tuple[str, str]:

@@ -1,5 +1,6 @@
 """The shell: what it prints, where it writes, how it ends."""
 
+import errno
 import json
 import os
 import re
@@ -16,6 +17,7 @@ from typer.testing import CliRunner
 from meshlab_svbrdf import cli
 from meshlab_svbrdf.document.document import Document
 from meshlab_svbrdf.document.record import ResultFolder
+from meshlab_svbrdf.errors import DocumentError
 from meshlab_svbrdf.filter import Filter
 
 pytestmark = pytest.mark.usefixtures("demos")
@@ -277,6 +279,27 @@ def test_where_memory_runs_out_one_message_says_what_to_make_smaller(
     assert "finished stages are kept" in result.stderr
     record = Document.open(tmp_path / "out" / "small.mlp").results.record
     assert list(record["products"]) == ["texels"]
+
+
+@pytest.mark.parametrize(
+    "lack", [MemoryError(), OSError(errno.ENOMEM, "Cannot allocate memory"), OSError("no")]
+)
+def test_where_a_file_finds_no_memory_the_message_names_it_and_says_what_to_make_smaller(
+    small_project, tmp_path, chain, demos, monkeypatch, lack
+):
+    def apply(document, parameters, progress):
+        try:
+            raise lack
+        except (MemoryError, OSError):
+            raise DocumentError("a.npy: cannot be read") from None
+
+    shade = demos["compute_demo_shade"]
+    monkeypatch.setitem(demos, shade.name, replace(shade, apply=apply))
+    result = shell("run", small_project, "-o", tmp_path / "out", "--script", chain())
+    assert result.exit_code == 1
+    said = "; there is not enough memory: use a smaller texture" in result.stderr
+    assert "a.npy: cannot be read" in result.stderr
+    assert said == (str(lack) != "no")
 
 
 @pytest.mark.skipif(os.name != "posix", reason="limits of address space are POSIX's")

@@ -14,7 +14,7 @@ from typing import Any
 from ..cases import LONG, PHOTOGRAPHS, SAMPLE, Case
 from ..ledger import Row, Task
 from ..tables import Table
-from . import chain, lamps, precision, statistics
+from . import chain, lamps, precision, stages, statistics
 from .checks import Check, run_cases
 from .guards import try_guards
 from .handmade import try_handmade
@@ -26,11 +26,12 @@ PART = "stability"
 EXTREMES, FILES, GUARDED, INTERRUPTED = "extremes", "files", "guards", "interrupted"
 HONEST, FILMS = "honest", (SAMPLE, LONG, PHOTOGRAPHS)
 SWEEPS: dict[str, ModuleType] = {
-    "sums": statistics, "single precision": precision, "lights and gloss": lamps,
+    "sums": statistics, "single precision": precision, "each stage": stages,
+    "lights and gloss": lamps,
     "the chain": chain,
 }  # fmt: skip
 DAMAGED, KILLS, DISKS = 200, 200, 60
-MEGABYTES = (100, 400, 1000, 1500, 1550, 1600, 1700, 1800, 1900, 2000, 2200, 2400, 2800, 3200, 4000)
+MEGABYTES = (100, 1000, 1500, 1550, 1600, 1700, 1850, 2000)
 
 
 def tasks(only: Sequence[str] = (), films: Sequence[Case] = ()) -> list[Task]:

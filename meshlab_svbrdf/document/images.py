@@ -249,7 +249,8 @@ def decoded(data: bytes, where: str, flags: int) -> np.ndarray:
     try:
         image = cv2.imdecode(np.frombuffer(data, np.uint8), flags) if data else None
     except cv2.error as error:
-        raise DocumentError(f"{where}: cannot be decoded ({error})") from error
+        said = " ".join(str(error).split())
+        raise DocumentError(f"{where}: cannot be decoded ({said})") from error
     if image is None:
         raise DocumentError(f"{where}: is not an image that OpenCV reads (JPEG, PNG, TIFF …)")
     return image

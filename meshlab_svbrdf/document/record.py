@@ -26,7 +26,7 @@ from filelock import FileLock, Timeout
 
 from ..errors import DocumentError, SvbrdfError
 from .atomic import named, remove_leftovers
-from .record_check import check_record, leads_out
+from .record_check import check_record, finite, leads_out
 
 FORMAT = 1
 RESUMED = "samples/store.json"
@@ -115,7 +115,8 @@ class ResultFolder:
     def _parsed(self, path: Path) -> dict[str, Any]:
         """A record, whoever wrote it: no entry leads out of the folder."""
         try:
-            record = json.loads(path.read_text(encoding="utf-8"))
+            text = path.read_text(encoding="utf-8")
+            record = json.loads(text, parse_float=finite, parse_constant=finite)
             known = record["format"]
             if known == FORMAT:
                 check_record(record)

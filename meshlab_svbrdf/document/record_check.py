@@ -6,6 +6,7 @@ Its entries are removed, moved and replaced. None may lead out of the folder.
 from __future__ import annotations
 
 from graphlib import CycleError, TopologicalSorter
+from math import isfinite
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any
 
@@ -37,6 +38,13 @@ def check_record(record: dict[str, Any]) -> None:
     _check_order(products)
     for name, run in _part(record, "runs").items():
         _check_parts(run, RUN, f"runs, {name}")
+
+
+def finite(text: str) -> float:
+    """A number of the record; ValueError for NaN and infinity, which could not be written again."""
+    if not isfinite(float(text)):
+        raise ValueError(f"{text} is no finite number")
+    return float(text)
 
 
 def leads_out(folder: Path) -> Path | None:

@@ -37,6 +37,8 @@ NEAR = 0.05
 """Radii, up to which a neighbour's obstacles are those of a vertex."""
 FEW = 10_000
 """Rays that are shot before threads to share them have started."""
+ROOM, ROOM_PER_FACE = 200 << 20, 400
+"""Bytes that Embree may want; where it finds none it crashes."""
 _HALF_LEGENDRE = np.array([1, 1 / 2, 0, -1 / 8, 0, 1 / 16])  # ∫₀¹ P_l
 
 
@@ -45,6 +47,7 @@ class Rays:
 
     def __init__(self, mesh: Mesh) -> None:
         self.center, self.radius = mesh.center, mesh.radius
+        np.empty(ROOM + ROOM_PER_FACE * len(mesh.faces), np.uint8)  # MemoryError in its place
         self.scene = EmbreeScene(robust=True)
         TriangleMesh(
             self.scene,

@@ -100,3 +100,15 @@ def test_the_folder_itself_may_be_a_link_to_another_disk(tmp_path):
     (tmp_path / "disk").mkdir()
     os.symlink(tmp_path / "disk", tmp_path / "r.svbrdf")
     assert ResultFolder(tmp_path / "r.svbrdf").record == empty_record()
+
+
+@pytest.mark.parametrize("number", ["1e999", "-1e999", "NaN", "Infinity"])
+def test_numbers_that_could_not_be_written_again_are_refused(tmp_path, number):
+    path = tmp_path / "r.svbrdf" / "svbrdf.json"
+    path.parent.mkdir()
+    runs = f'{{"f": {{"parameters": {{}}, "seconds": {number}}}}}'
+    path.write_text(f'{{"format": 1, "settings": {{}}, "products": {{}}, "runs": {runs}}}')
+    with pytest.raises(DocumentError, match=f"{number} is no finite number"):
+        ResultFolder(path.parent)
+    path.write_text(path.read_text().replace(number, "1e9"))
+    assert ResultFolder(path.parent).record["runs"]["f"]["seconds"] == 1e9

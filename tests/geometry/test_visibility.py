@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from plyfile import PlyData
 
+from meshlab_svbrdf.geometry import visibility
 from meshlab_svbrdf.geometry.harmonics import basis
 from meshlab_svbrdf.geometry.mesh import Mesh
 from meshlab_svbrdf.geometry.visibility import (
@@ -231,3 +232,9 @@ def test_a_bust_needs_visibility_and_its_harmonics_agree_with_rays(bust):
     harmonics = remap(vertex_visibility(bust, 256)[some] @ basis(omega).T)
     upper = normals @ omega.T > 0
     assert np.mean((harmonics > 0.5)[upper] != rays[upper]) < 0.03
+
+
+def test_where_memory_lacks_that_is_said_in_place_of_a_crash(monkeypatch):
+    monkeypatch.setattr(visibility, "ROOM", 1 << 60)
+    with pytest.raises(MemoryError):
+        visibility.Rays(bowl())

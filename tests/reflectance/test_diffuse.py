@@ -22,7 +22,7 @@ from meshlab_svbrdf.reflectance.diffuse_refit import refitting
 from meshlab_svbrdf.reflectance.directions import directions, octahedral_cell
 from meshlab_svbrdf.reflectance.microfacet import phong_gloss
 from meshlab_svbrdf.reflectance.threshold import luminance_threshold
-from meshlab_svbrdf.samples.luminance import REC709, decode
+from meshlab_svbrdf.samples.luminance import REC709, decode, to_srgb8
 
 T, F = 400, 60
 LIGHT = unit([0.4, 0.3, 0.85])
@@ -336,3 +336,19 @@ def test_refit_without_lights_is_a_robust_mean(tmp_path):
         refitting(o, start, np.zeros(T, np.int32), phong_gloss([80.0], [30.0]), np.ones((1, 3)), [])
     )[0]
     np.testing.assert_allclose(found, start, rtol=0.01, atol=0.05)
+
+
+def test_refit_takes_clipped_samples_for_lower_bounds(tmp_path):
+    """Where faint gloss clips red, those samples would make it darker."""
+    texels, cameras, lights = ball(T), orbit(F, climb=100), [lamp(LIGHT)]
+    red = np.array([95.0, 5, 5])
+    codes = to_srgb8((red + 15 * lobes(texels, cameras, lights, 2.0)[..., None]) / 100)
+    clipped = codes.max(-1) >= 254
+    quality = np.where(clipped, 255, 127)
+    o = observations_of(tmp_path, codes, quality, texels, cameras)
+    start, material = np.tile(red, (T, 1)).astype(np.float32), np.zeros(T, np.int32)
+    gloss = phong_gloss([15.0], [2.0])
+    (found,) = o.store.rows(refitting(o, start, material, gloss, np.ones((1, 3)), lights))
+    known = clipped.any(1) & ~clipped.all(1)
+    assert known.sum() > 10
+    np.testing.assert_allclose(found[known, 0], start[known, 0], rtol=0.004)

@@ -212,6 +212,8 @@ def test_depth_jump_lowers_quality_around_it_in_proportion_to_the_image():
     cos = np.sum(view_vectors(texels, [camera])[:, 0] * texels.normal, -1)
     expected = np.clip(rim[texel] / 2.5, 0, 1) * cos[texel]
     assert np.abs(weight / 127 - expected).max() < 0.35
+    near = rim[texel] < 1.5
+    assert np.mean(weight[near] / 127 / cos[texel][near]) < 0.7
     flat = rim[texel] > 5
     assert np.abs(weight / 127 - cos[texel])[flat].max() < 0.01
 
