@@ -24,18 +24,18 @@ VIEWS = 8  # that a response is measured from, at most
 PIXELS = 2000  # of each
 
 
-def find_brackets(rasters: list[RasterEntry]) -> list[Shots]:
+def find_brackets(rasters: list[RasterEntry], asked: bool = False) -> list[Shots]:
     """Views of the same sequence and camera with different exposures, the middle one first.
 
-    Exposures are the rasters' own, else the photographs'. Views of one raster are none, nor are
-    those whose exposures are alike or not told.
+    Exposures are the rasters' own, else the files' (asked : OpenEXR's, too). Views of one
+    raster are none, nor are those whose exposures are alike or not told.
     """
     views: dict[tuple, list[RasterEntry]] = {}
     for raster in rasters:
         views.setdefault(_place(raster), []).append(raster)
     found = []
     for own in views.values():
-        exposures = _exposures(own) if len(own) > 1 else []
+        exposures = _exposures(own, asked) if len(own) > 1 else []
         if not exposures or max(exposures) < ALIKE * min(exposures):
             continue
         shots = sorted(zip(own, exposures, strict=True), key=lambda shot: shot[1])
@@ -114,13 +114,13 @@ def _place(raster: RasterEntry) -> tuple:
     )  # fmt: skip
 
 
-def _exposures(rasters: list[RasterEntry]) -> list[float]:
+def _exposures(rasters: list[RasterEntry], asked: bool) -> list[float]:
     """Of each, all from one source; empty where they are not told."""
     values = [raster.exposure for raster in rasters]
     if None in values:
         frames = Frames(rasters)
         try:
-            values = [frames.exposure(raster) for raster in rasters]
+            values = [frames.exposure(raster, asked=asked) for raster in rasters]
         except DocumentError:
             return []  # the filter says which file cannot be read
     return [value for value in values if value is not None] if None not in values else []

@@ -57,7 +57,9 @@ def choose(document: Document, parameters: Namespace, mesh: Mesh) -> Choice:
     sequences = list(dict.fromkeys(r.sequence for r in document.project.rasters))
 
     # Take each view once
-    found = find_brackets(document.project.rasters) if parameters.brackets == "auto" else []
+    found: list[Shots] = []
+    if parameters.brackets == "auto":
+        found = find_brackets(document.project.rasters, parameters.exposure == "exif")
     held_out = {raster.label for raster in document.held_out}
     merged = {r.label: f"merged to {shots[0][0].label}" for shots in found for r, _ in shots[1:]}
     for shots in found:

@@ -8,11 +8,11 @@ from typing import Any
 import cv2
 import numpy as np
 
-from meshlab_svbrdf.document.deep_images import kind_of
+from meshlab_svbrdf.document.deep_images import kind_of, read_values
 from meshlab_svbrdf.document.document import Document
 from meshlab_svbrdf.document.exposure import read_exposure
 from meshlab_svbrdf.document.footage import Clip, ClipFrames
-from meshlab_svbrdf.document.images import read_mask, write_jpeg, write_png
+from meshlab_svbrdf.document.images import read_mask, write_exr, write_jpeg, write_png
 from meshlab_svbrdf.document.project_entries import mask_beside
 from meshlab_svbrdf.document.registered import FORMAT, FrameReport, report_csv, undistorted_entry
 from meshlab_svbrdf.errors import SvbrdfError
@@ -138,13 +138,13 @@ def stage_undistorted(
         if clip.is_video or lens is None or not frame.used:
             continue
         file = clip.files[k]
-        if kind_of(file) != "8":
-            raise SvbrdfError(
-                f"{file}: frames of more than 8 bits are not undistorted here: undistort them "
-                "first, for instance with OpenCV, and register them without lens distortion"
-            )
         path = document.staged_file(undistorted_entry(clip.source, file))
-        write_jpeg(path, frames[k])
+        if kind_of(file) == "8":
+            write_jpeg(path, frames[k])
+        else:  # all of its bits
+            image = lens.undistort(read_values(file, label=frame.label, size=clip.size))
+            write = write_png if image.dtype == np.uint16 else write_exr
+            write(path, np.maximum(image, 0))
         mask = mask_beside(file)
         if mask is not None:
             shown = 255 * read_mask(mask, label=frame.label, size=clip.size).astype(np.uint8)

@@ -15,6 +15,7 @@ from meshlab_svbrdf.samples.radiance_code import LARGEST
 from meshlab_svbrdf.samples.steadiness import light_steadiness
 from meshlab_svbrdf.samples.transfer import TRANSFERS
 
+from ._brackets import ALIKE
 from ._coding import how_frames_are_coded, with_white
 from ._frames import choose, median_step, reduction
 from ._outlines import look_at_outlines
@@ -41,7 +42,8 @@ FILTER = Filter(
             "exposure", "enum", "auto", choices=("auto", "exif", "raster", "none"),
             help="Divides frames by their exposure: the attribute svbrdf_exposure of each raster "
             '("raster"), ExposureTime · ISO / FNumber² of each photograph ("exif"), the first of '
-            'the two that every frame has ("auto"), or "none".',
+            'the two that every frame has ("auto"), or "none". EXPOSURE of a Radiance HDR counts '
+            "as exif; expTime, isoSpeed and aperture of an OpenEXR only where exif is given.",
         ),
         Parameter(
             "gains", "enum", "auto", choices=("auto", "fit", "none"),
@@ -221,6 +223,11 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
     said += [coded] if coded else []
     said += levels
     said += [f"exposure: {source}"] if source != "none" else []
+    if parameters.exposure == "auto" and (apart := _untrusted(rasters)) > ALIKE:
+        said.append(
+            f"the headers of the OpenEXR frames tell exposures up to {apart:.3g} times apart, "
+            "which are not used, for pixels may have been divided by them: exposure=exif uses them"
+        )
     if spread > VARYING:
         said.append(
             f"the frames' brightness varies by {spread:.0%}: "
@@ -274,10 +281,18 @@ def _exposures(rasters, wanted: str) -> tuple[np.ndarray, str]:
             raise DocumentError(f"rasters without svbrdf_exposure: {', '.join(lacking[:8])}")
     if wanted in ("auto", "exif"):
         frames = Frames(rasters)
-        values = [frames.exposure(r) for r in rasters]
+        values = [frames.exposure(r, asked=wanted == "exif") for r in rasters]
         if None not in values:
             return np.array(values) / np.median(np.array(values)), "exif"
         if wanted == "exif":
             lacking = [r.label for r, v in zip(rasters, values, strict=True) if v is None]
             raise DocumentError(f"frames without EXIF exposure: {', '.join(lacking[:8])}")
     return np.ones(len(rasters)), "none"
+
+
+def _untrusted(rasters) -> float:
+    """How far exposures are apart that only OpenEXR's headers tell; 1 where none are told."""
+    frames = Frames(rasters)
+    untold = [r for r in rasters if r.exposure is None and frames.exposure(r) is None]
+    told = [e for r in untold if (e := frames.exposure(r, asked=True)) is not None]
+    return max(told) / min(told) if told else 1.0

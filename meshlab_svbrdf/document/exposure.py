@@ -1,8 +1,9 @@
-"""The exposure that a camera wrote into its photograph's EXIF."""
+"""The exposure that a file tells: a photograph's EXIF, the header of an image of floats."""
 
 from __future__ import annotations
 
 import math
+import re
 import warnings
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,11 @@ from typing import Any
 from PIL import ExifTags, Image
 
 from ..errors import DocumentError
-from .deep_images import kind_of
+from .deep_images import RADIANCE, is_exr, kind_of
+from .images import exr_header
+
+_EXPOSURE = re.compile(rb"^EXPOSURE=(.*)$", re.MULTILINE)
+HEADER = 8192  # bytes of a Radiance file that are searched for its end
 
 
 def read_exposure(path: str | Path) -> float | None:
@@ -44,6 +49,30 @@ def read_exposure(path: str | Path) -> float | None:
     if time is None or f_number is None or iso is None:
         return None
     return positive(time * iso / f_number / f_number)
+
+
+def told_exposure(path: Path, *, asked: bool = False) -> float | None:
+    """`read_exposure`, or what the header of an image of floats tells.
+
+    Radiance HDR: the product of its EXPOSURE lines, by which its pixels are multiplied as
+    the format defines. OpenEXR: expTime · isoSpeed / aperture², only if `asked`, for nothing says
+    whether its pixels have been divided by that. None where nothing is told.
+    """
+    if kind_of(path) != "float":
+        return read_exposure(path)
+    if is_exr(path):
+        tags = exr_header(path) if asked else {}
+        time, iso, stop = (positive(tags.get(k)) for k in ("expTime", "isoSpeed", "aperture"))
+        if time is None or iso is None or stop is None:
+            return None
+        return positive(time * iso / stop / stop)
+    with path.open("rb") as file:
+        head = file.read(HEADER).partition(b"\n\n")[0]
+    if not head.startswith(RADIANCE):
+        return None
+    factors = [positive(text) for text in _EXPOSURE.findall(head)]
+    known = [factor for factor in factors if factor is not None]
+    return positive(math.prod(known)) if known and len(known) == len(factors) else None
 
 
 def positive(value: Any) -> float | None:

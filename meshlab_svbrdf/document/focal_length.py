@@ -10,6 +10,7 @@ from typing import Any
 from PIL import ExifTags, Image
 
 from ..errors import DocumentError
+from .deep_images import kind_of
 from .exposure import positive
 
 FILM_DIAGONAL = math.hypot(36.0, 24.0)  # mm; "35 mm equivalent" is by the diagonal
@@ -19,13 +20,15 @@ MILLIMETRES = {2: 25.4, 3: 10.0, 4: 1.0, 5: 0.001}  # FocalPlaneResolutionUnit
 def read_focal_length(path: str | Path) -> float | None:
     """Pixels, from the 35 mm equivalent, else from the length in mm and the sensor's resolution.
 
-    None where the tags are missing, zero or no numbers. Cropped or upright copies of a photograph
-    are not told: the sensor is taken to be seen whole.
+    None where the tags are missing, zero or no numbers, and in images of floats, which have none.
+    Cropped or upright copies of a photograph are not told: the sensor is taken to be seen whole.
 
     Raises
     ------
     DocumentError : the file does not exist or is no image.
     """
+    if kind_of(Path(path)) == "float":
+        return None
     try:
         with warnings.catch_warnings():  # Pillow's on broken tags, which count as missing
             warnings.simplefilter("ignore")

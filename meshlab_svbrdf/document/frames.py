@@ -15,7 +15,7 @@ import numpy as np
 from ..errors import DocumentError
 from .coding import Coding, Light
 from .deep_images import as_seen, kind_of, read_seen, read_values
-from .exposure import read_exposure
+from .exposure import told_exposure
 from .images import check_size, frame_problem, reduced
 from .project import RasterEntry
 from .video import VideoReader
@@ -104,9 +104,9 @@ class Frames:
             found += f", and {VIDEOS} beside it does not say which frame of a video it is"
         return f"{raster.path} {found}" if found else ""
 
-    def exposure(self, raster: RasterEntry) -> float | None:
-        """What the camera wrote into a photograph (`read_exposure`); None for videos."""
-        return None if raster.path in self.videos else read_exposure(raster.path)
+    def exposure(self, raster: RasterEntry, *, asked: bool = False) -> float | None:
+        """What a photograph's file tells (`told_exposure`); None for videos."""
+        return None if raster.path in self.videos else told_exposure(raster.path, asked=asked)
 
     def file(self, raster: RasterEntry) -> Path:
         """The file that holds the frame: an image or a video."""

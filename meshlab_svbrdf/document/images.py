@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from contextlib import redirect_stdout
 from itertools import count, takewhile
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -181,6 +182,18 @@ def write_exr(path: str | Path, array: np.ndarray) -> None:
             OpenEXR.File(header, {"Y" if array.ndim == 2 else "RGB": array}).write(str(temporary))
         except RuntimeError as error:  # how the library says that the disk is full
             raise OSError(str(error)) from None
+
+
+def exr_header(path: str | Path) -> dict[str, Any]:
+    """The attributes of an OpenEXR image, by name; DocumentError where it is none."""
+    try:
+        with (
+            redirect_stdout(io.StringIO()),
+            OpenEXR.File(str(path), separate_channels=True, header_only=True) as file,
+        ):
+            return dict(file.header())
+    except Exception as error:  # the library raises RuntimeError, ValueError and its own
+        raise DocumentError(f"{path}: cannot be read as OpenEXR ({error})") from error
 
 
 def read_exr(path: str | Path) -> np.ndarray:

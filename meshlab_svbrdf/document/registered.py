@@ -19,7 +19,8 @@ import numpy as np
 
 from ..geometry.camera import Camera
 from ..geometry.lens import Lens
-from .exposure import read_exposure
+from .deep_images import kind_of
+from .exposure import told_exposure
 from .footage import Clip
 from .project import Project
 from .project_entries import absolute
@@ -94,7 +95,8 @@ def _digits(value: float, digits: int) -> str:
 
 def undistorted_entry(source: Path, file: Path) -> str:
     """Where in NAME.svbrdf the undistorted image of a folder's `file` lies."""
-    return f"{UNDISTORTED}/{source.name}/{file.stem}.jpg"
+    suffix = {"8": "jpg", "16": "png", "float": "exr"}[kind_of(file)]
+    return f"{UNDISTORTED}/{source.name}/{file.stem}.{suffix}"
 
 
 def missing_sources(told: dict[str, Any]) -> list[str]:
@@ -176,8 +178,8 @@ def _add_images(project: Project, folder: Path, clip: dict[str, Any]) -> None:
     for frame in clip["frames"]:
         if not frame["used"]:
             continue
-        path = places[frame["label"]]
-        exposure = None if frame["lens"] is None else read_exposure(frame["file"])
+        file, path = Path(frame["file"]), places[frame["label"]]
+        exposure = None if frame["lens"] is None else told_exposure(file)
         label = frame["label"]
         if any(raster.label == label for raster in project.rasters):
             label = f"{source.name}_{label}"

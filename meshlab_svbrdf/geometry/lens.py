@@ -131,7 +131,7 @@ class Lens:
         )
 
     def undistort(self, image: np.ndarray) -> np.ndarray:
-        """The frame (H, W) or (H, W, 3) uint8 as its `pinhole` camera sees it."""
+        """The frame (H, W) or (H, W, 3) as its `pinhole` camera sees it; uint8, uint16, float32."""
         return cv2.remap(image, *_maps(self), cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
 
 

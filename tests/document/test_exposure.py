@@ -4,12 +4,15 @@ import json
 import os
 from pathlib import Path
 
+import cv2
 import numpy as np
+import OpenEXR
 import pytest
 from PIL import Image
 from PIL.TiffImagePlugin import IFDRational
 
-from meshlab_svbrdf.document.exposure import read_exposure
+from meshlab_svbrdf.document.deep_images import read_values
+from meshlab_svbrdf.document.exposure import read_exposure, told_exposure
 from meshlab_svbrdf.errors import DocumentError
 
 TIME, F_NUMBER, ISO = 33434, 33437, 34855
@@ -73,6 +76,35 @@ def test_an_image_without_or_with_broken_exif_gives_none(tmp_path):
             whole[: at + cut] + bytes(len(whole[at + cut : at + 130])) + whole[at + 130 :]
         )
         assert read_exposure(path) is None or read_exposure(path) > 0
+
+
+@pytest.mark.parametrize(
+    ("lines", "expected"),
+    [
+        (b"", None),
+        (b"EXPOSURE=0.25\n", 0.25),
+        (b"EXPOSURE= 2.0\nEXPOSURE=4\n", 8.0),  # a program adds its own line to the others'
+        (b"EXPOSURE=2.0\nEXPOSURE=bright\n", None),
+        (b"EXPOSURE=0\n", None),
+    ],
+)
+def test_radiance_tells_what_its_pixels_are_multiplied_by(tmp_path, lines, expected):
+    path = tmp_path / "a.hdr"
+    cv2.imwrite(str(path), np.full((8, 8, 3), 0.5, np.float32))
+    head, _, pixels = path.read_bytes().partition(b"\n\n")
+    path.write_bytes(head + b"\n" + lines + b"\n" + pixels)
+    assert told_exposure(path) == expected
+    assert read_values(path)[0, 0, 0] == pytest.approx(0.5, rel=0.01)  # as they are stored
+
+
+@pytest.mark.parametrize("lacking", [None, "expTime", "isoSpeed", "aperture"])
+def test_openexr_tells_its_exposure_where_that_is_asked_for(tmp_path, lacking):
+    tags = {"expTime": 0.5, "isoSpeed": 200.0, "aperture": 4.0}
+    header = {key: value for key, value in tags.items() if key != lacking}
+    path = tmp_path / "a.exr"
+    OpenEXR.File(header, {"RGB": np.ones((8, 8, 3), np.float32)}).write(str(path))
+    assert told_exposure(path) is None
+    assert told_exposure(path, asked=True) == (None if lacking else 0.5 * 200 / 16)
 
 
 def test_what_is_no_image_is_an_error(tmp_path):

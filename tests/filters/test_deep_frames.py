@@ -1,11 +1,13 @@
 """Frames of more than 8 bits: the same light gives the same samples, whatever holds it."""
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import cv2
 import numpy as np
+import OpenEXR
 import pytest
 from films import write_video
 from totems import SAMPLES, TEXELS, WALK, edited, film
@@ -114,6 +116,31 @@ def test_the_same_light_gives_the_same_samples(
     scale = expected.max(-1, keepdims=True) + 0.02
     assert (np.abs(color - expected) <= half + error * scale).all()
     assert not (suffix in (".exr", ".hdr") and (marks & 128).any())
+
+
+def test_exposures_in_headers_are_divided_out_where_they_are_sure_or_asked_for(
+    plain, source, tmp_path
+):
+    def exposed(path: Path) -> float:
+        return EXPOSURES[int(re.findall(r"\d+", path.stem)[-1]) % 3]
+
+    def radiance(path: Path, light: np.ndarray) -> None:
+        write_hdr(path, exposed(path) * light)
+        head, _, pixels = path.read_bytes().partition(b"\n\n")
+        path.write_bytes(head + b"\nEXPOSURE=%g\n\n" % exposed(path) + pixels)
+
+    def exr(path: Path, light: np.ndarray) -> None:
+        tags = {"expTime": exposed(path), "isoSpeed": 100.0, "aperture": 10.0}
+        OpenEXR.File(tags, {"RGB": exposed(path) * light}).write(str(path))
+
+    for suffix, write, asked in ((".hdr", radiance, "auto"), (".exr", exr, "exif")):
+        document = recorded(source, tmp_path / suffix[1:], suffix, write)
+        color, _, said = samples_of(document, exposure=asked, white=1)
+        assert "exposure: exif" in said
+        scale = plain[0].max(-1, keepdims=True) + 0.02
+        assert np.median(np.abs(color - plain[0]) / scale) < 0.01
+    _, _, said = samples_of(document, white=1)
+    assert "exposures up to 16 times apart, which are not used" in said
 
 
 def test_light_beyond_white_is_kept_and_the_unit_told(source, tmp_path):

@@ -15,9 +15,10 @@ from films import write_video
 from scipy.spatial.transform import Rotation
 from totems import WALK, edited, film, once
 
+from meshlab_svbrdf.document.deep_images import read_values
 from meshlab_svbrdf.document.document import Document
 from meshlab_svbrdf.document.frames import Frames
-from meshlab_svbrdf.document.images import read_frame, read_image, write_png
+from meshlab_svbrdf.document.images import read_frame, read_image, write_exr, write_png
 from meshlab_svbrdf.document.project import read_project
 from meshlab_svbrdf.document.registered import camera_from
 from meshlab_svbrdf.errors import SvbrdfError
@@ -33,6 +34,7 @@ from meshlab_svbrdf.geometry.lens import Lens, with_coefficients
 from meshlab_svbrdf.registration.refine import Refined
 from meshlab_svbrdf.registration.results import FrameResult, Registration
 from meshlab_svbrdf.registration.similarity import Similarity
+from meshlab_svbrdf.samples.luminance import decode
 
 TRACK = "generate_svbrdf_registered_rasters"
 CAMERAS = "generate_svbrdf_rasters_from_cameras"
@@ -352,6 +354,25 @@ def test_distorted_images_are_written_undistorted(document, core, folder, raster
     same(core.calls[0]["start"][0], lens.pinhole(filmed.R, filmed.t))
     document.save()
     assert read_project(document.path).rasters[2].path.is_file()
+
+
+@pytest.mark.parametrize(("suffix", "write", "to"), [
+    (".png", write_png, lambda codes: codes.astype(np.uint16) * 257),
+    (".exr", write_exr, lambda codes: decode(codes / 255).astype(np.float32)),
+])  # fmt: skip
+def test_distorted_images_keep_all_their_bits(document, core, folder, rasters, suffix, write, to):
+    for k, raster in enumerate(rasters):
+        (folder / f"f{k}.png").unlink()
+        write(folder / f"f{k}{suffix}", to(read_frame(raster.path)))
+    lens = with_coefficients(rasters[0].camera, BARREL)
+    core.cameras = [lens.pinhole(c.R, c.t) for c in core.cameras]
+    document.apply(TRACK, images=folder, start=rasters[0].label, distortion="-0.15, 0.02")
+    raster = document.rasters[2]
+    assert raster.path == document.folder / "undistorted" / "walk" / f"f1{suffix}"
+    expected = np.maximum(lens.undistort(to(read_frame(rasters[1].path))), 0)
+    found = read_values(raster.path)
+    assert found.dtype == expected.dtype
+    np.testing.assert_array_equal(found, expected)
 
 
 def test_a_distorted_video_is_undistorted_when_it_is_read(document, core, movie, rasters):
