@@ -29,13 +29,22 @@ def read_json(path: Path) -> Any:
         raise DocumentError(f"{path}: is no JSON ({error})") from None
 
 
+MAPPED = 1 << 20  # bytes of a file
+
+
 def read_array(path: Path, *, mmap: bool = False) -> np.ndarray:
-    """An array of numbers, in memory or (`mmap`) read only and left in its file.
+    """An array of numbers, which may be written into, or (`mmap`) read only.
+
+    A large one stays in its file: pages come when they are read, and go when memory is wanted. What
+    is written into it is in memory alone, and copied a page at a time: kernels, which numba compiles
+    anew for what is read only, see an array as any other.
 
     Raises DocumentError where the file is missing, cut off or no NPY file.
     """
     try:
-        return np.load(path, mmap_mode="r" if mmap else None, allow_pickle=False)
+        copied = "c" if path.stat().st_size >= MAPPED else None
+        array = np.load(path, mmap_mode="r" if mmap else copied, allow_pickle=False)
+        return array if mmap else np.asarray(array)
     except OSError as error:
         raise DocumentError(f"{path}: cannot be read ({error.strerror or error})") from None
     except MemoryError as error:
@@ -48,6 +57,10 @@ def read_array(path: Path, *, mmap: bool = False) -> np.ndarray:
 
 
 def write_array(path: Path, values: np.ndarray) -> None:
-    """Write an NPY file; `DocumentError` where the disk is full."""
+    """Write an NPY file; `DocumentError` where the disk is full.
+
+    An old one is replaced, never written into: somebody may have it mapped.
+    """
     with named(path):
+        path.unlink(missing_ok=True)
         write_npy(path, values)
