@@ -35,9 +35,9 @@ MAPPED = 1 << 20  # bytes of a file
 def read_array(path: Path, *, mmap: bool = False) -> np.ndarray:
     """An array of numbers, which may be written into, or (`mmap`) read only.
 
-    A large one stays in its file: pages come when they are read, and go when memory is wanted. Those
-    that are written into are copied, and the file is not touched: numba would compile its kernels
-    anew for arrays that are read only.
+    A large one stays in its file: pages come when they are read, and go when memory is wanted. What
+    is written into is copied, and the file is not touched: numba would compile its kernels anew for
+    arrays that are read only.
 
     Raises DocumentError where the file is missing, cut off or no NPY file.
     """
