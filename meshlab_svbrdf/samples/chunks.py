@@ -152,6 +152,11 @@ class SampledFrame(NamedTuple):
         return self.value[:, 3]
 
 
+def columns(samples: int, kind: type) -> tuple[np.ndarray, np.ndarray]:
+    """Room for frames (n,) uint8 and for values as words (n,)."""
+    return np.empty(samples, np.uint8), np.empty(samples, WORDS[np.dtype(kind)])
+
+
 @kernel
 def _total(value):
     """Of the qualities, in 127ths."""
@@ -192,8 +197,13 @@ class Held:
         return len(self._quality)
 
     @property
+    def samples(self) -> int:
+        """How many there are."""
+        return self._ends[-1]
+
+    @property
     def bytes(self) -> int:
-        return (TEXEL_BYTES + self._value.itemsize) * self._ends[-1]
+        return (TEXEL_BYTES + self._value.itemsize) * self.samples
 
     @property
     def seen(self) -> np.ndarray:
@@ -216,25 +226,26 @@ class Held:
         self._ends.append(stop)
         self._quality.append(_total(frame.value) / 127)
 
-    def transpose(self, texels: int, pool: ThreadPoolExecutor) -> MemoryChunk:
-        """The frames' samples, texel by texel."""
+    def transpose(
+        self, texels: int, pool: ThreadPoolExecutor, out: tuple[np.ndarray, np.ndarray]
+    ) -> MemoryChunk:
+        """The frames' samples, texel by texel.
+
+        out : `columns` with room for them, of which the chunk is made
+        """
         ends = np.array(self._ends)
         texel, value = self._texel[: ends[-1]], self._value[: ends[-1]]
         counts = np.zeros(texels + 1, np.uint32)
         _count(texel, counts[1:])
         offsets = np.cumsum(counts, dtype=np.uint32)
-        frame, out, cursor = (
-            np.empty(len(texel), np.uint8),
-            np.empty_like(value),
-            offsets[:-1].copy(),
-        )
+        frame, word, cursor = out[0][: len(texel)], out[1][: len(texel)], offsets[:-1].copy()
         # Go from one stretch of texels to the next, so that what is written stays in the cache
         edges = np.arange(0, texels + TRANSPOSED, TRANSPOSED)
         cuts = np.array([a + np.searchsorted(texel[a:b], edges) for a, b in pairwise(ends)])
         cuts = cuts.reshape(len(self), len(edges))
 
         def stretch(k: int) -> None:
-            _scatter(texel, value, cuts[:, k], cuts[:, k + 1], cursor, frame, out)
+            _scatter(texel, value, cuts[:, k], cuts[:, k + 1], cursor, frame, word)
 
         list(pool.map(stretch, range(len(edges) - 1)))
-        return MemoryChunk(len(self), {"offsets": offsets, "frame": frame, "value": bytes_of(out)})
+        return MemoryChunk(len(self), {"offsets": offsets, "frame": frame, "value": bytes_of(word)})

@@ -38,6 +38,7 @@ from .chunks import (
     Held,
     SampledFrame,
     bytes_of,
+    columns,
     words_of,
 )
 
@@ -158,7 +159,7 @@ def write_store(
 
         def project(first: int, stop: int) -> Iterator[Found]:
             return _project(
-                pool, sample, first, stop, texels, memory, store.kind, keep,
+                pool, sample, first, stop, texels, memory, store.kind, keep, folder is not None,
                 lambda done: progress(done, frames),
             )  # fmt: skip
 
@@ -213,17 +214,23 @@ def runs_known(
 
 def _project(
     pool: ThreadPoolExecutor, sample: Callable[[int], SampledFrame], first: int, stop: int,
-    texels: int, memory: int, kind: type, keep: Callable[[Chunk], Chunk],
+    texels: int, memory: int, kind: type, keep: Callable[[Chunk], Chunk], written_out: bool,
     done: Callable[[int], None],
 ) -> Iterator[Found]:  # fmt: skip
-    """Chunks of the frames first..stop, kept; the next one is filled meanwhile."""
+    """Chunks of the frames first..stop, kept; the next one is filled meanwhile.
+
+    written_out : whether `keep` lets go of what a chunk is made of, which the next one then is made
+        of: fresh memory is slow the first time that it is touched
+    """
     each = TEXEL_BYTES + WORDS[np.dtype(kind)].itemsize
     room = texels + min(memory // each, texels * min(stop - first, MOST_FRAMES))
     held, spare = Held(room, kind), Held(room, kind)
+    again = columns(room, kind) if written_out else None
     written: Future[Found] | None = None
 
     def finish(full: Held) -> Found:
-        return keep(full.transpose(texels, pool)), full.seen, full.quality
+        out = again or columns(full.samples, kind)
+        return keep(full.transpose(texels, pool, out)), full.seen, full.quality
 
     ahead = 2 * thread_count()
     pending = deque(pool.submit(sample, f) for f in range(first, min(first + ahead, stop)))
