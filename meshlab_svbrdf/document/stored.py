@@ -8,6 +8,7 @@ write_array  the inverse
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 from tokenize import TokenError
 from typing import Any
@@ -30,6 +31,7 @@ def read_json(path: Path) -> Any:
 
 
 MAPPED = 1 << 20  # bytes of a file
+REPLACEABLE = os.name == "posix"  # whether a file that is mapped may be replaced or taken away
 
 
 def read_array(path: Path, *, mmap: bool = False) -> np.ndarray:
@@ -42,9 +44,10 @@ def read_array(path: Path, *, mmap: bool = False) -> np.ndarray:
     Raises DocumentError where the file is missing, cut off or no NPY file.
     """
     try:
-        copied = "c" if path.stat().st_size >= MAPPED else None
-        array = np.load(path, mmap_mode="r" if mmap else copied, allow_pickle=False)
-        return array if mmap else np.asarray(array)
+        if mmap:
+            return np.load(path, mmap_mode="r", allow_pickle=False)
+        large = REPLACEABLE and path.stat().st_size >= MAPPED
+        return np.asarray(np.load(path, mmap_mode="c" if large else None, allow_pickle=False))
     except OSError as error:
         raise DocumentError(f"{path}: cannot be read ({error.strerror or error})") from None
     except MemoryError as error:
