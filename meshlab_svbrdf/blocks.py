@@ -1,13 +1,46 @@
-"""Long arrays block by block: what is computed from a block may be large, the block is not."""
+"""Long arrays block by block: what is computed from a block may be large, the block is not.
+
+blocks   slices of a long array      room   a long array that need not be in memory
+"""
 
 from __future__ import annotations
 
+import os
+import tempfile
 from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from .errors import SvbrdfError
 
 BLOCK = 1 << 18
+LARGE = 64 << 20  # bytes
 
 
 def blocks(count: int, size: int = BLOCK) -> Iterator[slice]:
     """Slices that cover 0..count in order, `size` elements each but for the last."""
     for first in range(0, count, size):
         yield slice(first, min(first + size, count))
+
+
+def room(shape: int | tuple[int, ...], kind: Any) -> np.ndarray:
+    """An array to be filled: a large one in a temporary file without a name, mapped.
+
+    Its pages leave memory where that is wanted. The disk's room is taken at once.
+
+    Raises SvbrdfError where the disk has none.
+    """
+    empty = np.empty(0, kind)
+    size = int(np.prod(shape, dtype=np.int64)) * empty.itemsize
+    if size < LARGE or not hasattr(os, "posix_fallocate"):
+        return np.empty(shape, kind)
+    with tempfile.TemporaryFile(prefix="svbrdf-") as file:
+        try:
+            os.posix_fallocate(file.fileno(), 0, size)
+        except OSError as error:
+            raise SvbrdfError(
+                f"{tempfile.gettempdir()}: no room for {size / 1e9:.1f} GB that are worked on "
+                f"({error.strerror}): make room on the disk, or set TMPDIR to a folder that has it"
+            ) from None
+        return np.asarray(np.memmap(file, empty.dtype, "r+", shape=shape))

@@ -15,6 +15,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from threading import Event, Thread
 from typing import Any
 
 import numpy as np
@@ -35,6 +36,7 @@ from .workload import make_workload
 
 Figures = dict[str, Any]
 SAVE = "save"  # the last stage: the project with its layers
+WATCHED = 0.02
 
 
 def run_chain(
@@ -161,26 +163,48 @@ def warm_up(estimator: str = "joint") -> Figures:
 
 @contextmanager
 def metered() -> Iterator[Figures]:
-    """Wall clock and CPU seconds of what is inside, and the process's peak memory in bytes."""
+    """Wall clock and CPU seconds of what is inside, and the process's peak memory in bytes.
+
+    peak : of all pages; own : of those that are no file's, which alone the system cannot take back
+        (looked at every `WATCHED` seconds; all pages, where it does not tell)
+    """
     figures: Figures = {}
     _forget_peak()
     wall, cpu = time.perf_counter(), time.process_time()
-    yield figures
+    over, seen = Event(), [_status("RssAnon")]
+
+    def watch() -> None:
+        while not over.wait(WATCHED):
+            seen.append(max(seen.pop(), _status("RssAnon")))
+
+    watching = Thread(target=watch, daemon=True)
+    watching.start()
+    try:
+        yield figures
+    finally:
+        over.set()
+        watching.join()
     figures["seconds"] = time.perf_counter() - wall
     figures["cpu_seconds"] = time.process_time() - cpu
     figures["peak"] = peak_memory()
+    figures["own"] = max(seen[0], _status("RssAnon")) or figures["peak"]
 
 
 def peak_memory() -> int:
     """Bytes resident at most: since `_forget_peak` where the system tells (Linux), else ever."""
+    unit = 1 if sys.platform == "darwin" else 1 << 10
+    return _status("VmHWM") or resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit
+
+
+def _status(name: str) -> int:
+    """Bytes, of a line of /proc/self/status; 0 where there is none."""
     try:
         for line in Path("/proc/self/status").read_text().splitlines():
-            if line.startswith("VmHWM:"):
+            if line.startswith(f"{name}:"):
                 return int(line.split()[1]) << 10
     except OSError:
         pass
-    unit = 1 if sys.platform == "darwin" else 1 << 10
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit
+    return 0
 
 
 def _forget_peak() -> None:

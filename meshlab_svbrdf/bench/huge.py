@@ -66,8 +66,9 @@ def huge(
 def growth(small: Figures, large: Figures, size: str, aim: float) -> Figures:
     """Straight lines through two runs, at `aim`; size : what grew, "texels" or "triangles".
 
-    stages : peak (bytes), cpu (seconds) at the larger run; by_peak, by_cpu, what one more takes;
-        aim_peak, aim_cpu at the aim; disk, by_disk, aim_disk of the folder of results
+    stages : peak, own (bytes: of all, of what is no file's), cpu (seconds) at the larger run;
+        by_peak, by_own, by_cpu, what one more takes; aim_peak, aim_own, aim_cpu at the aim; disk,
+        by_disk, aim_disk of the folder of results
     """
     more = large[size] - small[size]
     rest = aim - large[size]
@@ -79,9 +80,11 @@ def growth(small: Figures, large: Figures, size: str, aim: float) -> Figures:
     stages = []
     for few, many in zip(small["stages"], large["stages"], strict=True):
         peak, by_peak, aim_peak = line(few["peak"], many["peak"])
+        own, by_own, aim_own = line(few["own"], many["own"])
         cpu, by_cpu, aim_cpu = line(few["cpu_seconds"], many["cpu_seconds"])
         stages.append({
             "name": many["name"], "peak": peak, "by_peak": by_peak, "aim_peak": aim_peak,
+            "own": own, "by_own": by_own, "aim_own": aim_own,
             "cpu": cpu, "by_cpu": by_cpu, "aim_cpu": aim_cpu,
         })  # fmt: skip
     disk, by_disk, aim_disk = line(small["disk"], large["disk"])

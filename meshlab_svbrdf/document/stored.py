@@ -8,6 +8,7 @@ write_array  the inverse
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 from tokenize import TokenError
 from typing import Any
@@ -29,13 +30,24 @@ def read_json(path: Path) -> Any:
         raise DocumentError(f"{path}: is no JSON ({error})") from None
 
 
+MAPPED = 1 << 20  # bytes of a file
+REPLACEABLE = os.name == "posix"  # whether a file that is mapped may be replaced or taken away
+
+
 def read_array(path: Path, *, mmap: bool = False) -> np.ndarray:
-    """An array of numbers, in memory or (`mmap`) read only and left in its file.
+    """An array of numbers, which may be written into, or (`mmap`) read only.
+
+    A large one stays in its file: pages come when they are read, and go when memory is wanted. What
+    is written into is copied, and the file is not touched: numba would compile its kernels anew for
+    arrays that are read only.
 
     Raises DocumentError where the file is missing, cut off or no NPY file.
     """
     try:
-        return np.load(path, mmap_mode="r" if mmap else None, allow_pickle=False)
+        if mmap:
+            return np.load(path, mmap_mode="r", allow_pickle=False)
+        large = REPLACEABLE and path.stat().st_size >= MAPPED
+        return np.asarray(np.load(path, mmap_mode="c" if large else None, allow_pickle=False))
     except OSError as error:
         raise DocumentError(f"{path}: cannot be read ({error.strerror or error})") from None
     except MemoryError as error:
@@ -48,6 +60,10 @@ def read_array(path: Path, *, mmap: bool = False) -> np.ndarray:
 
 
 def write_array(path: Path, values: np.ndarray) -> None:
-    """Write an NPY file; `DocumentError` where the disk is full."""
+    """Write an NPY file; `DocumentError` where the disk is full.
+
+    An old one is replaced, never written into: somebody may have it mapped.
+    """
     with named(path):
+        path.unlink(missing_ok=True)
         write_npy(path, values)

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
-from ..blocks import blocks
+from ..blocks import blocks, room
 from ..jit import kernel
 from .nearest import nearest, tree_of
 
@@ -116,7 +116,7 @@ def _symmetrise(
     counts = np.zeros(len(index), np.int64)
     _enter(index, touches, counts, np.empty(0, np.int32))
     indptr = np.concatenate([[0], np.cumsum(counts)])
-    indices = np.empty(indptr[-1], np.int32)
+    indices = room(int(indptr[-1]), np.int32)
     _enter(index, touches, indptr[:-1].copy(), indices)
     return indptr, indices
 

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..blocks import blocks
 from ..jit import kernel
 
 GROUP = 64
@@ -73,9 +74,11 @@ def walk(position: np.ndarray) -> np.ndarray:
     """An order (N,) of points (N, 3) in which neighbours stay near: interleaved 10-bit codes."""
     low, extent = position.min(0), max(float(np.ptp(position, axis=0).max()), 1e-30)
     code = np.zeros(len(position), np.uint32)
-    for axis in range(3):
-        x = ((position[:, axis] - low[axis]) / extent * 1023).astype(np.uint32)
-        for shift, mask in ((16, 0x030000FF), (8, 0x0300F00F), (4, 0x030C30C3), (2, 0x09249249)):
-            x = (x | (x << np.uint32(shift))) & np.uint32(mask)
-        code |= x << np.uint32(axis)
+    spreading = (16, 0x030000FF), (8, 0x0300F00F), (4, 0x030C30C3), (2, 0x09249249)
+    for own in blocks(len(position)):
+        for axis in range(3):
+            x = ((position[own, axis] - low[axis]) / extent * 1023).astype(np.uint32)
+            for shift, mask in spreading:
+                x = (x | (x << np.uint32(shift))) & np.uint32(mask)
+            code[own] |= x << np.uint32(axis)
     return np.argsort(code, kind="stable")

@@ -13,6 +13,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.spatial import cKDTree
 
+from ..blocks import blocks, room
 from ..jit import kernel
 from ..threads import thread_count
 
@@ -36,13 +37,12 @@ def nearest(position: np.ndarray, k: int) -> tuple[np.ndarray, np.ndarray]:
     Returns distances (T, k) float32 and indices (T, k) int32.
     """
     tree = tree_of(position)
-    distance = np.empty((len(position), k), np.float32)
-    index = np.empty((len(position), k), np.int32)
+    distance, index = room((len(position), k), np.float32), room((len(position), k), np.int32)
     some = position[:: 1 + len(position) // ASKED]
     wide = WIDE * float(np.median(tree.query(some, k=[min(5, len(position))])[0]))
     unsure = np.ones(len(position), bool)
     if wide > 0:
-        _from_grid(np.asarray(position, np.float64), wide, distance, index, unsure)
+        _from_grid(position, wide, distance, index, unsure)
     left = np.flatnonzero(unsure)
     if len(left):
         far, those = tree.query(position[left], k=np.arange(1, k + 1), workers=-1)
@@ -53,18 +53,22 @@ def nearest(position: np.ndarray, k: int) -> tuple[np.ndarray, np.ndarray]:
 def _from_grid(
     position: np.ndarray, wide: float, distance: np.ndarray, index: np.ndarray, unsure: np.ndarray
 ) -> None:
-    place = np.floor((position - position.min(0)) / wide) + 1
-    extent = place.max(0) + 2
+    low, high = (f(0).astype(np.float64) for f in (position.min, position.max))
+    extent = np.floor((high - low) / wide) + 3
     if np.prod(extent) > MOST_CELLS:
         return
     _, rows, columns = extent.astype(np.int64)
-    x, y, z = place.astype(np.int64).T
-    key = (x * rows + y) * columns + z
+    key = room(len(position), np.int64)
+    for own in blocks(len(position)):
+        x, y, z = (np.floor((position[own] - low) / wide) + 1).astype(np.int64).T
+        key[own] = (x * rows + y) * columns + z
     order = np.argsort(key, kind="stable")
     cells, starts = np.unique(key[order], return_index=True)
     starts = np.append(starts, len(order))
     around = np.array([(i * rows + j) * columns for i in (0, -1, 1) for j in (0, -1, 1)])
-    points = position[order]
+    points = room((len(position), 3), np.float64)
+    for own in blocks(len(position)):
+        points[own] = position[order[own]]
 
     def walk(first: int, stop: int) -> None:
         _walk(

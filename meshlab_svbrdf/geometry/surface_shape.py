@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..blocks import blocks
+from ..blocks import blocks, room
 from ..jit import kernel
 from .adjacency import neighbours
 from .tangents import tangents
@@ -60,7 +60,7 @@ def surface_shape(position: np.ndarray, normal: np.ndarray) -> np.ndarray:
 
     position, normal : (T, 3), of texels that cover the surface; NaN where neighbours do not tell
     """
-    shape = np.empty((len(position), 3, 3), np.float32)
+    shape = room((len(position), 3, 3), np.float32)
     _surface_shape(
         *neighbours(position, normal), np.ascontiguousarray(position),
         np.ascontiguousarray(normal), shape,

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..blocks import blocks
+from ..blocks import blocks, room
 from ..jit import kernel
 from .groups import walk
 from .mesh import Mesh
@@ -115,42 +115,61 @@ def rasterise_texels(mesh: Mesh, sizes: tuple[tuple[int, int], ...]) -> Texels:
         corners = np.stack(
             [mesh.uv[..., 0] * width - 0.5, (1 - mesh.uv[..., 1]) * height - 0.5], -1
         )
-        owner = np.full((height, width), -1, np.int32)
-        barycentric = np.zeros((height, width, 3), np.float32)
+        owner, barycentric = room((height, width), np.int32), room((height, width, 3), np.float32)
+        owner[:] = -1
         usable = np.flatnonzero((texture_index == index) & np.isfinite(corners).all((1, 2)))
         _cover(np.ascontiguousarray(corners), usable, owner, barycentric)
         row, col = np.nonzero(owner >= 0)
-        parts.append(
-            (
-                owner[row, col], barycentric[row, col], np.full(len(row), index, np.uint8),
-                row.astype(np.int32), col.astype(np.int32),
-            )
-        )  # fmt: skip
-    face, barycentric, texture, row, col = (
-        np.concatenate(part) for part in zip(*parts, strict=True)
-    )
+        row, col = row.astype(np.int32), col.astype(np.int32)
+        parts.append([
+            _taken(owner, row, col), _taken(barycentric, row, col),
+            np.full(len(row), index, np.uint8), row, col,
+        ])  # fmt: skip
+        del owner, barycentric, row, col
+    face, barycentric, texture, row, col = (_joined(parts) for _ in range(5))
 
     center = mesh.center
     places = (mesh.vertices - center).astype(np.float32)
     directions = mesh.vertex_normals().astype(np.float32)
-    position, normal = np.empty((2, len(face), 3), np.float32)
+    position, normal = (room((len(face), 3), np.float32) for _ in range(2))
     for own in blocks(len(face)):
         corners = mesh.faces[face[own]]
         position[own] = np.einsum("tc,tcd->td", barycentric[own], places[corners])
         normal[own] = np.einsum("tc,tcd->td", barycentric[own], directions[corners])
-    normal = _unit_or_face(normal, mesh, face)
+    _unit_or_face(normal, mesh, face)
     order = walk(position) if len(face) else np.arange(0)
     return Texels(
-        np.ascontiguousarray(position[order]), np.ascontiguousarray(normal[order]),
-        face[order], barycentric[order], texture[order],
-        row[order], col[order], center, mesh.radius, tuple(sizes),
+        _taken(position, order), _taken(normal, order), _taken(face, order),
+        _taken(barycentric, order), _taken(texture, order), _taken(row, order),
+        _taken(col, order), center, mesh.radius, tuple(sizes),
     )  # fmt: skip
 
 
-def _unit_or_face(normal: np.ndarray, mesh: Mesh, face: np.ndarray) -> np.ndarray:
-    length = np.linalg.norm(normal, axis=1)
+def _taken(values: np.ndarray, *places: np.ndarray) -> np.ndarray:
+    """values[places], which may be long."""
+    found = room((len(places[0]), *values.shape[len(places) :]), values.dtype)
+    for own in blocks(len(found)):
+        found[own] = values[tuple(place[own] for place in places)]
+    return found
+
+
+def _joined(parts: list[list[np.ndarray]]) -> np.ndarray:
+    """The first column of all parts, which lose it."""
+    column = [part.pop(0) for part in parts]
+    if len(column) == 1:
+        return column[0]
+    rows = sum(map(len, column))
+    return np.concatenate(column, out=room((rows, *column[0].shape[1:]), column[0].dtype))
+
+
+def _unit_or_face(normal: np.ndarray, mesh: Mesh, face: np.ndarray) -> None:
+    """Make normals (T, 3) unit in place; those of zero are the faces'."""
+    length = room(len(normal), np.float32)
+    for own in blocks(len(normal)):
+        length[own] = np.linalg.norm(normal[own], axis=1)
     lost = np.flatnonzero(length < 1e-6)
     a, b, c = (mesh.vertices[mesh.faces[face[lost], i]] for i in range(3))
     normal[lost] = mesh.winding() * np.cross(b - a, c - a)
     length[lost] = np.linalg.norm(normal[lost], axis=1)
-    return normal / np.maximum(length, 1e-30)[:, None]
+    for own in blocks(len(normal)):
+        normal[own] /= np.maximum(length[own], 1e-30)[:, None]

@@ -22,6 +22,7 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
+from ..blocks import room
 from ..errors import DocumentError
 from ..jit import kernel
 from ..spread import Spread
@@ -466,7 +467,7 @@ class SampleStore:
         parts = self.spread(_Reading(self, work), bounds) if self.spread else self.stream(work)
         whole: list[np.ndarray] = []
         for done, ((first, stop), part) in enumerate(zip(bounds, parts, strict=True), 1):
-            whole = whole or [np.empty((self.texels, *p.shape[1:]), p.dtype) for p in part]
+            whole = whole or [room((self.texels, *p.shape[1:]), p.dtype) for p in part]
             for rows, own in zip(whole, part, strict=True):
                 rows[first:stop] = own
             progress(done, len(bounds))

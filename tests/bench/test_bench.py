@@ -31,7 +31,7 @@ from meshlab_svbrdf.errors import SvbrdfError
 from meshlab_svbrdf.threads import thread_count
 
 TINY = Options(triangles=500, width=160, height=90, step=15.0, truth=64)
-FIGURES = {"name", "seconds", "cpu_seconds", "peak", "said"}
+FIGURES = {"name", "seconds", "cpu_seconds", "peak", "own", "said"}
 
 
 @pytest.fixture
@@ -85,12 +85,13 @@ def test_everything_is_measured(tmp_path, here):
 
 def test_growth_is_a_line_through_two_runs():
     def run(texels):
-        stages = [{"name": "a", "peak": 5000 + 7 * texels, "cpu_seconds": 2 + texels / 100}]
+        peak, own = 5000 + 7 * texels, 4000 + 3 * texels
+        stages = [{"name": "a", "peak": peak, "own": own, "cpu_seconds": 2 + texels / 100}]
         return {"texels": texels, "stages": stages, "disk": 3 * texels}
 
     found = growth(run(100), run(300), "texels", 1e6)
     (stage,) = found["stages"]
-    assert (stage["by_peak"], found["by_disk"]) == (7, 3)
+    assert (stage["by_peak"], stage["by_own"], found["by_disk"]) == (7, 3, 3)
     assert stage["aim_peak"] == pytest.approx(run(1e6)["stages"][0]["peak"])
     assert stage["aim_cpu"] == pytest.approx(run(1e6)["stages"][0]["cpu_seconds"])
     assert found["aim_disk"] == pytest.approx(3e6)
