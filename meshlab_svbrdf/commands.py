@@ -1,6 +1,7 @@
 """What the shell's commands do.
 
-Exit codes: 0 done, 1 an error of the input (said without a traceback), 130 interrupted.
+Exit codes: 0 done, 1 an error of the input (said without a traceback), 75 another run has the
+project, 130 interrupted.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ from . import registry
 from .document.document import Document, Outcome
 from .document.frames import Frames
 from .document.freshness import in_words
+from .document.record import BusyError
 from .document.video_file import video_problem
 from .errors import SvbrdfError
 from .filter import describe, to_json
@@ -40,6 +42,8 @@ errors = Console(stderr=True)
 TEXTURE_SIZE = "compute_svbrdf_texels.texture_size"
 MATERIALS = "compute_svbrdf_materials.image"
 CURRENT = "up to date"
+BUSY = 75
+"""Exit code where another run has the project: EX_TEMPFAIL of sysexits.h."""
 
 
 def run(
@@ -286,7 +290,7 @@ def _friendly() -> Iterator[None]:
                 "or give another place with -o"
             )
         _say_error(text)
-        raise typer.Exit(1) from None
+        raise typer.Exit(BUSY if isinstance(error, BusyError) else 1) from None
     except (MemoryError, RuntimeError, cv2.error) as error:
         if not _out_of_memory(error):
             raise
