@@ -9,6 +9,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import os
 import subprocess
 import sys
 import time
@@ -26,10 +27,12 @@ from .errors import SvbrdfError
 from .spread import Spread
 
 TABLE, RECORD, PAGE = "batch.csv", "batch.json", "batch.html"
-RUN = (sys.executable, "-m", "meshlab_svbrdf.cli", "run")
+RUN = (sys.executable, "-m", "meshlab_svbrdf.batch_child", "run")
 REPORT = (*RUN[:-1], "report")
-ERROR, USAGE, INTERRUPTED = 1, 2, 130
+ERROR, USAGE, BUSY, INTERRUPTED = 1, 2, 75, 130
 """Exit codes of `run`; after any other but 0 another attempt may help."""
+PAUSE = 3.0
+"""Seconds before another attempt where another run has the project: that of a dead worker ends."""
 WRITTEN_EVERY = 10.0
 """Seconds between two writings of table and record: of many projects they are large."""
 
@@ -53,7 +56,8 @@ def run_batch(
     Parameters
     ----------
     options : of `run`, for every project
-    retries : further attempts at a project that was killed; an error of its input stays one
+    retries : further attempts at a project that was killed, or that another run had; an error of
+        its input stays one
     reports : write each project's own report too, folder/NAME/NAME.html
     spread : workers, each of which runs a project at a time; None: one after the other, here
     """
@@ -85,6 +89,8 @@ def run_project(
     """Run one project, again where it was killed, and look at what it made."""
     start, attempts, code = time.monotonic(), 0, -1
     while code not in (0, ERROR, INTERRUPTED) and attempts <= retries:
+        if code == BUSY:
+            time.sleep(PAUSE)
         attempts += 1
         code, outcomes, error = _run(entry, folder, options)
         if code == USAGE:
@@ -118,15 +124,21 @@ def _report(project: Path, page: Path) -> list[str]:
 
 
 def _child(command: Sequence[str]) -> tuple[int, str, str]:
-    """Exit code of a process, what it told, and its error in one line."""
-    with subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, encoding="utf-8"
-    ) as child:
-        try:
-            told, error = child.communicate()
-        except KeyboardInterrupt:  # which the child has heard as well
-            told, _ = child.communicate()
-            return INTERRUPTED, told, ""
+    """Exit code of a process that ends with this one, what it told, and its error in one line."""
+    read, held = os.pipe()
+    try:
+        with subprocess.Popen(
+            command, stdin=read, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+            encoding="utf-8",
+        ) as child:  # fmt: skip
+            os.close(read)
+            try:
+                told, error = child.communicate()
+            except KeyboardInterrupt:  # which the child has heard as well
+                told, _ = child.communicate()
+                return INTERRUPTED, told, ""
+    finally:
+        os.close(held)
     if child.returncode < 0:
         error = f"killed by signal {-child.returncode}; out of memory? {error}"
     return child.returncode, told, _one_line(error) if child.returncode else ""

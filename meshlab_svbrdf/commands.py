@@ -1,6 +1,7 @@
 """What the shell's commands do.
 
-Exit codes: 0 done, 1 an error of the input (said without a traceback), 130 interrupted.
+Exit codes: 0 done, 1 an error of the input (said without a traceback), 75 another run has the
+project, 130 interrupted.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ from . import registry
 from .document.document import Document, Outcome
 from .document.frames import Frames
 from .document.freshness import in_words
+from .document.record import BusyError
 from .document.video_file import video_problem
 from .errors import SvbrdfError
 from .filter import describe, to_json
@@ -46,6 +48,8 @@ NO_MEMORY = (
     "(--set compute_svbrdf_samples.frames=120) or --preset draft, or end other programs; "
     "finished stages are kept"
 )
+BUSY = 75
+"""Exit code where another run has the project: EX_TEMPFAIL of sysexits.h."""
 
 
 def run(
@@ -292,7 +296,7 @@ def _friendly() -> Iterator[None]:
                 "or give another place with -o"
             )
         _say_error(f"{text}; {NO_MEMORY}" if _out_of_memory(error) else text)
-        raise typer.Exit(1) from None
+        raise typer.Exit(BUSY if isinstance(error, BusyError) else 1) from None
     except (MemoryError, RuntimeError, cv2.error) as error:
         if not _out_of_memory(error):
             raise

@@ -10,7 +10,7 @@ import troubles
 from totems import GLOSS, SAMPLES, TEXELS, WALK, contents, film, run
 
 from meshlab_svbrdf.batch import run_batch
-from meshlab_svbrdf.batch_list import FAILED, Entry
+from meshlab_svbrdf.batch_list import DONE, FAILED, Entry
 from meshlab_svbrdf.cluster import Cluster, connected
 from meshlab_svbrdf.document.document import Document
 from meshlab_svbrdf.errors import SvbrdfError
@@ -115,8 +115,8 @@ def test_lack_of_memory_is_said(client):
         list(Cluster(client)(np.empty, [1 << 45]))
 
 
-def test_a_task_that_kills_its_workers_is_given_up(client):
-    client.cluster.scheduler.allowed_failures = 0
+def test_a_task_that_kills_its_workers_is_given_up(client, monkeypatch):
+    monkeypatch.setattr(client.cluster.scheduler, "allowed_failures", 0)
     with pytest.raises(SvbrdfError, match="the workers that had a task died of it"):
         list(Cluster(client)(troubles.die, [0]))
 
@@ -128,6 +128,32 @@ def test_objects_of_a_batch_are_tasks(client, tmp_path):
     assert [(result.state, result.attempts) for result in found] == [(FAILED, 1)]
     assert "is not a MeshLab project" in found[0].error
     assert (tmp_path / "out" / "batch.html").exists()
+
+
+def test_a_project_whose_worker_died_is_let_go_of_and_done_by_another(client, tmp_path):
+    """Its run, which holds the project, ends with the worker: else the next attempt would fail."""
+    (tmp_path / "run.py").write_text(troubles.KILLS_ITS_WORKER)
+    (tmp_path / "object.mlp").touch()
+    client.run(troubles.batch_runs, [sys.executable, str(tmp_path / "run.py")])
+    before = set(client.run(os.getpid).values())
+    entries = [Entry(tmp_path / "object.mlp", "object")]
+    (found,) = run_batch(entries, tmp_path / "out", [], spread=Cluster(client), retries=2)
+    assert (found.state, found.outcomes) == (DONE, {"stub": "second"}), found.error
+    client.wait_for_workers(3)
+    assert len(before & set(client.run(os.getpid).values())) == 2
+
+
+def test_a_folder_that_workers_do_not_share_is_refused(client, tmp_path):
+    """Another machine has a file of its own, or none, where ours is."""
+    client.run(troubles.elsewhere, workers=one(client))
+    with (
+        pytest.raises(SvbrdfError, match=r"the worker tcp:.* does not see .*out: .* all machines"),
+        connected(client.scheduler.address, tmp_path / "out", print),
+    ):
+        pass
+    client.run(troubles.well)
+    with connected(client.scheduler.address, tmp_path / "out", print) as cluster:
+        assert list(cluster(abs, [-1])) == [1]
 
 
 def test_what_is_wrong_with_a_scheduler_is_said(client, tmp_path, monkeypatch):

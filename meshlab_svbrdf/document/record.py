@@ -17,8 +17,10 @@ import hashlib
 import json
 import os
 import shutil
+import socket
+import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +34,9 @@ FORMAT = 1
 RESUMED = "samples/store.json"
 """A staged file whose folder a run that is interrupted leaves to the next one."""
 RECORD = "svbrdf.json"
+LOCK, HOLDER = ".lock", ".holder"
+"""The lock, and beside it, while it is held, who holds it: a lock's own file is emptied by whoever
+tries to take it."""
 
 
 def empty_record() -> dict[str, Any]:
@@ -149,22 +154,45 @@ class ResultFolder:
                 f"{link} is a link to {link.resolve()}, outside of the results, which a run would "
                 f"write to: put the files themselves in its place, or move {self.path.name} away"
             )
-        lock = FileLock(self.path / ".lock", timeout=0)
+        lock = FileLock(self.path / LOCK, timeout=0)
         try:
             lock.acquire()
         except Timeout:
-            raise BusyError(
-                f"{self.path} is being worked on by another run: wait for its end, "
-                "or give this one an output of its own"
-            ) from None
+            raise BusyError(self._busy()) from None
         try:
             self._lock = lock
+            self._sign()
             self._recover()
             self._read()
             yield
         finally:
             self._lock = None
+            (self.path / HOLDER).unlink(missing_ok=True)
             lock.release()
+
+    def _sign(self) -> None:
+        """Tell others who holds the folder."""
+        since = time.strftime("%Y-%m-%d %H:%M:%S")
+        told = {"host": socket.gethostname(), "pid": os.getpid(), "since": since}
+        with suppress(OSError):  # a full disk is told where a result does not fit
+            write_json(self.path / HOLDER, told)
+
+    def _busy(self) -> str:
+        """Who holds the folder, and what to do."""
+        told = f"{self.path} is being worked on by another run"
+        advice = "wait for its end, or give this one an output of its own"
+        try:
+            holder = json.loads((self.path / HOLDER).read_text(encoding="utf-8"))
+            host, pid, since = holder["host"], holder["pid"], holder["since"]
+        except (OSError, ValueError, KeyError, TypeError):  # it has only begun, or is at its end
+            return f"{told}: {advice}"
+        if host == socket.gethostname():
+            return f"{told} (process {pid} of this machine, since {since}): {advice}"
+        return (
+            f"{told} (process {pid} of the machine {host}, since {since}): {advice}; if that "
+            "machine is gone, its file server lets go of it within minutes, or remove "
+            f"{self.path / LOCK}"
+        )
 
     def _recover(self) -> None:
         if self._committed.is_dir():
@@ -215,7 +243,7 @@ def replace_folder(source: Path, target: Path, *, link: bool) -> None:
     """Put a copy of the results `source` in place of `target`; files that are not ours stay."""
     fresh, old = (target.with_name(f".{target.name}.{word}") for word in ("part", "old"))
     shutil.rmtree(fresh, ignore_errors=True)
-    hidden = shutil.ignore_patterns(".lock", ".staging", ".commit", ".partial")
+    hidden = shutil.ignore_patterns(LOCK, HOLDER, ".staging", ".commit", ".partial")
     shutil.copytree(source, fresh, ignore=hidden, copy_function=_link if link else shutil.copy2)
     if not target.is_dir():
         os.rename(fresh, target)
@@ -223,7 +251,7 @@ def replace_folder(source: Path, target: Path, *, link: bool) -> None:
     there = ResultFolder(target)
     with there.locked():
         shown = set(there.record["settings"].get("shown", {}))
-        ours = there.files() | shown | {RECORD, "exact.mlp", ".lock"}
+        ours = there.files() | shown | {RECORD, "exact.mlp", LOCK, HOLDER}
         os.rename(target, old)
         os.rename(fresh, target)
     for path in sorted(old.rglob("*")):

@@ -132,7 +132,12 @@ def test_a_second_run_is_told_and_a_dead_one_lets_go(tmp_path):
         second = ResultFolder(path)
         assert second.record["settings"] == {"text": "old"}
         assert second.find("b.json").read_text() == "old"
-        with pytest.raises(BusyError, match="another run"), second.locked():
+        own = rf"another run \(process {process.pid} of this machine, since 2.*wait for its end"
+        with pytest.raises(BusyError, match=own), second.locked():
+            pass
+        told = json.loads((path / ".holder").read_text()) | {"host": "elsewhere"}
+        (path / ".holder").write_text(json.dumps(told))
+        with pytest.raises(BusyError, match=r"machine elsewhere.*or remove "), second.locked():
             pass
     finally:
         process.kill()
