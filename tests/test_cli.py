@@ -251,7 +251,7 @@ def test_two_runs_on_one_output_do_not_mix(small_project, tmp_path, chain):
     folder = ResultFolder(tmp_path / "out" / "small.svbrdf")
     with folder.locked():
         result = shell("run", small_project, "-o", tmp_path / "out", "--script", chain())
-    assert result.exit_code == 1
+    assert result.exit_code == 75
     assert "another run" in result.stderr
 
 
