@@ -20,10 +20,10 @@ from unittest.mock import patch
 
 from numba.core.dispatcher import Dispatcher
 
-from ..batch import RUN
 from ..kernel_list import to_json
 from .workload import Options, make_workload
 
+RUN = (sys.executable, "-m", "meshlab_svbrdf.cli", "run")
 TINY = Options(triangles=1200, width=320, height=180, step=7.5, truth=16)
 TINY_FRAMES = 48
 TINY_SIZE = 128

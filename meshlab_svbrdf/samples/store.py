@@ -223,9 +223,9 @@ def _project(
         of: fresh memory is slow the first time that it is touched
     """
     each = TEXEL_BYTES + WORDS[np.dtype(kind)].itemsize
-    room = texels + min(memory // each, texels * min(stop - first, MOST_FRAMES))
-    held, spare = Held(room, kind), Held(room, kind)
-    again = columns(room, kind) if written_out else None
+    most = texels + min(memory // each, texels * min(stop - first, MOST_FRAMES))
+    held, spare = Held(most, kind), Held(most, kind)
+    again = columns(most, kind) if written_out else None
     written: Future[Found] | None = None
 
     def finish(full: Held) -> Found:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import subprocess
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 from meshlab_svbrdf import cli
-from meshlab_svbrdf.bench import child, huge, measure
+from meshlab_svbrdf.bench import child, first_run, huge, measure
 from meshlab_svbrdf.bench.analysis import (
     TEXELS,
     VISIBILITY,
@@ -49,6 +50,11 @@ def here(monkeypatch):
     took = {"seconds": 1.0, "cpu_seconds": 1.0}
     monkeypatch.setattr(measure, "first_run", lambda *a: {"first": took})
     return asked
+
+
+def test_a_first_run_is_the_command_as_users_give_it():
+    told = subprocess.run([*first_run.RUN, "--help"], check=True, capture_output=True, text=True)
+    assert "--preset" in told.stdout
 
 
 def test_everything_is_measured(tmp_path, here):
