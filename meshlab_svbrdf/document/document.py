@@ -8,9 +8,11 @@ Document.save    the project with every result as a layer that MeshLab shows
 from __future__ import annotations
 
 import logging
+import os
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -362,11 +364,12 @@ class Document(Products):
         return "maker" in self.results.record["products"].get(product, {})
 
     def _freshness(self) -> Freshness:
+        frames = cache(lambda: Frames(self.rasters))
         return Freshness(
             self.results,
             self._given_digest,
-            lambda: raster_digest(self.rasters),
-            self._frames_there,
+            lambda: raster_digest(self.rasters, frames()),
+            lambda: _there(frames(), self.rasters),
             self._layer_digest,
             self._raster_digest,
         )
@@ -375,10 +378,6 @@ class Document(Products):
         """Of the raster of that label, "" where there is none."""
         found = [raster for raster in self.project.rasters if raster.label == label]
         return raster_digest(found) if found else ""
-
-    def _frames_there(self) -> bool:
-        frames = Frames(self.rasters)
-        return all(file.is_file() for file in {frames.file(raster) for raster in self.rasters})
 
     # Saving
 
@@ -474,6 +473,11 @@ def raster_digest(rasters: list[RasterEntry], frames: Frames | None = None) -> s
             for r, camera in zip(rasters, numbers, strict=True)
         ]
     )
+
+
+def _there(frames: Frames, rasters: list[RasterEntry]) -> bool:
+    """Whether the files of all rasters are."""
+    return all(os.path.isfile(file) for file in {str(frames.file(raster)) for raster in rasters})
 
 
 def _camera_numbers(cameras: list[Camera]) -> list[list[Any]]:

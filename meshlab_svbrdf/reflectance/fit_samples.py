@@ -146,9 +146,11 @@ def choose_texels(
     """
     chosen, lacking = [np.zeros(0, np.int64)], []
     usable = np.flatnonzero((counts >= MINIMUM_SAMPLES) & (material >= 0))
-    usable = usable[np.argsort(material[usable], kind="stable")]
-    ids, first = np.unique(material[usable], return_index=True)
-    for m, own in zip(ids, np.split(usable, first)[1:], strict=True):
+    of = material[usable]
+    order = np.argsort(of.astype(np.min_scalar_type(of.max(initial=0))), kind="stable")  # by radix
+    usable, of = usable[order], of[order]
+    ids = np.flatnonzero(np.bincount(of))
+    for m, own in zip(ids, np.split(usable, np.searchsorted(of, ids))[1:], strict=True):
         flattest = np.quantile(turn[own], min(max(FLAT_SHARE, FLAT_LEAST / len(own)), 1))
         if flattest > limits[m]:
             lacking.append(int(m))
