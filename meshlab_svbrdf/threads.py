@@ -31,6 +31,12 @@ def in_pieces(work: Callable[[int, int], Result], count: int) -> list[Result]:
         return list(pool.map(lambda ends: work(*ends), pairwise(edges)))
 
 
+def side_by_side(*works: Callable[[], Result]) -> list[Result]:
+    """What some works give that do not wait for each other."""
+    with ThreadPoolExecutor(thread_count()) as pool:
+        return list(pool.map(lambda work: work(), works))
+
+
 def quieten_blas() -> None:
     """Let linear algebra have one thread: more would wait for work in circles, beside our loops.
 
