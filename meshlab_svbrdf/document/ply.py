@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from ..blocks import blocks, resting, room, rowwise
 from ..errors import DocumentError
 from ..geometry.mesh import Mesh
 from .atomic import replacing
@@ -135,16 +136,14 @@ def write_ply(
     folder = Path(os.path.abspath(path)).parent
     header = ["ply", "format binary_little_endian 1.0"]
     header += [f"comment TextureFile {_texture_name(file, folder)}" for file in files]
+    elements = {"vertex": (columns, len(mesh.vertices)), "face": (faces, len(mesh.faces))}
+    for name, (values, count) in elements.items():
+        header += [f"element {name} {count}", *_properties(_row(values, count))]
     with replacing(path) as temporary, temporary.open("wb") as stream:
-        tables = {
-            "vertex": _table(columns, len(mesh.vertices)),
-            "face": _table(faces, len(mesh.faces)),
-        }
-        for name, table in tables.items():
-            header += [f"element {name} {len(table)}", *_properties(table.dtype)]
         stream.write("\n".join([*header, "end_header", ""]).encode("utf-8"))
-        for table in tables.values():
-            stream.write(table.data)  # tofile does not notice that the disk is full
+        for values, count in elements.values():
+            for own in blocks(count):  # tofile does not notice that the disk is full
+                stream.write(_table([(n, k, v[own]) for n, k, v in values]).data)
 
 
 def _read_faces(
@@ -161,7 +160,7 @@ def _read_faces(
     if not isinstance(corners, Lists):
         raise DocumentError(f"{path}: its vertex_indices are not lists")
     polygon, triangle = fan(corners.counts, path)
-    faces = _integers(corners.values, f"{path}: vertex_indices")[triangle]
+    faces = resting(_integers(corners.values, f"{path}: vertex_indices")[triangle])
     texture = columns.get("texnumber")
     index = None if texture is None else _integers(texture, f"{path}: texnumber")[polygon]
     texcoord = columns.get("texcoord")
@@ -176,11 +175,12 @@ def _read_faces(
             f"{path}: face {face} has {corners.counts[face]} corners and {texcoord.counts[face]} "
             "texture coordinates, expected two a corner"
         )
-    flat = np.zeros((len(corners.values), 2))
+    flat = room((len(corners.values), 2), np.float64)
+    flat[:] = 0
     flat[np.repeat(has, corners.counts)] = texcoord.values.reshape(-1, 2)
     if not has.all():
         index = np.where(has[polygon], 0 if index is None else index, -1).astype(np.int32)
-    return faces, flat[triangle], index, polygon
+    return faces, rowwise(lambda some: flat[some], triangle), index, polygon
 
 
 def _face_color(element: Element, polygon: np.ndarray, path: Path) -> np.ndarray | None:
@@ -245,8 +245,8 @@ def _rgba(color: np.ndarray) -> np.ndarray:
     return np.concatenate([color, opaque], axis=1)
 
 
-def _table(columns: list[tuple[str, Any, np.ndarray]], count: int) -> np.ndarray:
-    """Columns side by side as one structured array; lists get their length in front."""
+def _row(columns: list[tuple[str, Any, np.ndarray]], count: int) -> np.dtype:
+    """The type of the columns' rows; lists get their length in front."""
     fields: list[tuple] = []
     for name, kind, values in columns:
         shape = np.dtype(kind).shape
@@ -254,7 +254,13 @@ def _table(columns: list[tuple[str, Any, np.ndarray]], count: int) -> np.ndarray
             raise ValueError(f"{name}: expected shape {(count, *shape)}, found {np.shape(values)}")
         length = [(f"{name}\nlength", "u1")] if shape else []
         fields += [*length, (name, np.dtype(kind).base.newbyteorder("<"), shape)]
-    table = np.empty(count, fields)
+    return np.dtype(fields)
+
+
+def _table(columns: list[tuple[str, Any, np.ndarray]]) -> np.ndarray:
+    """Columns side by side as one structured array."""
+    count = len(columns[0][2])
+    table = np.empty(count, _row(columns, count))
     for name, kind, values in columns:
         try:
             with np.errstate(over="raise"):

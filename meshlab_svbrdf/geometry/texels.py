@@ -66,13 +66,14 @@ class Texels:
 
 @kernel
 def _cover(corners, faces, owner, barycentric):
-    """Give each pixel centre to the first face over it; `corners` in pixels, (F, 3, 2) float64."""
+    """Give each pixel centre to the first face over it; `corners` in pixels, (n, 3, 2) float64, of
+    the faces (n,)."""
     height, width = owner.shape
     for k in range(len(faces)):
         f = faces[k]
         ax, ay, bx, by, cx, cy = (
-            corners[f, 0, 0], corners[f, 0, 1], corners[f, 1, 0],
-            corners[f, 1, 1], corners[f, 2, 0], corners[f, 2, 1],
+            corners[k, 0, 0], corners[k, 0, 1], corners[k, 1, 0],
+            corners[k, 1, 1], corners[k, 2, 0], corners[k, 2, 1],
         )  # fmt: skip
         area = (bx - ax) * (cy - ay) - (cx - ax) * (by - ay)
         if not abs(area) > 0.0:
@@ -112,13 +113,15 @@ def rasterise_texels(mesh: Mesh, sizes: tuple[tuple[int, int], ...]) -> Texels:
     )
     parts = []
     for index, (height, width) in enumerate(sizes):
-        corners = np.stack(
-            [mesh.uv[..., 0] * width - 0.5, (1 - mesh.uv[..., 1]) * height - 0.5], -1
-        )
         owner, barycentric = room((height, width), np.int32), room((height, width, 3), np.float32)
         owner[:] = -1
-        usable = np.flatnonzero((texture_index == index) & np.isfinite(corners).all((1, 2)))
-        _cover(np.ascontiguousarray(corners), usable, owner, barycentric)
+        here = np.flatnonzero(texture_index == index)
+        for block in blocks(len(here)):
+            own = here[block]
+            uv = mesh.uv[own]
+            corners = np.stack([uv[..., 0] * width - 0.5, (1 - uv[..., 1]) * height - 0.5], -1)
+            finite = np.isfinite(corners).all((1, 2))
+            _cover(corners[finite], own[finite], owner, barycentric)
         row, col = np.nonzero(owner >= 0)
         row, col = row.astype(np.int32), col.astype(np.int32)
         parts.append([
