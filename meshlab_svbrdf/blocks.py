@@ -2,6 +2,7 @@
 
 blocks   slices of a long array      room      a long array that need not be in memory
 rowwise  what is computed from each row      resting   a copy that need not be
+taken    the rows at some places             places    where a mask is true
 """
 
 from __future__ import annotations
@@ -63,3 +64,18 @@ def rowwise(work: Callable[..., np.ndarray], *columns: np.ndarray) -> np.ndarray
     for own in blocks(len(whole)):
         whole[own] = work(*(column[own] for column in columns))
     return whole
+
+
+def taken(values: np.ndarray, *at: np.ndarray) -> np.ndarray:
+    """values[at], which may be long."""
+    return rowwise(lambda *own: values[own], *at)
+
+
+def places(mask: np.ndarray) -> np.ndarray:
+    """np.flatnonzero of a mask (n,) bool, int64, which may be long."""
+    found, count = room(np.count_nonzero(mask), np.int64), 0
+    for own in blocks(len(mask)):
+        here = np.flatnonzero(mask[own])
+        found[count : count + len(here)] = here + own.start
+        count += len(here)
+    return found

@@ -12,12 +12,15 @@ from scipy.sparse.csgraph import connected_components
 
 from ..blocks import blocks, room
 from ..jit import kernel
-from .nearest import nearest, tree_of
+from .nearest import nearest, nearest_to
 
 # Generally don't change these: a square grid has its diagonal at 1.4 spacings and a seam between
 # two charts puts a texel at most about 2 away; k = 8 is a square's ring.
 NEIGHBOURS = 8
 REACH = 2.5
+
+MERGED = 1 << 22
+"""Keys among which each one's first is sought at once."""
 
 # A texel far from all others must not call its loneliness the local spacing.
 COARSEST_CHART = 8.0
@@ -61,8 +64,7 @@ def spacing(position: np.ndarray) -> float:
     if k < 1:
         return 0.0
     asked = position[:: 1 + len(position) // 20000]
-    distance, _ = tree_of(position).query(asked, k=[k + 1], workers=-1)
-    return float(np.median(distance))
+    return float(np.median(nearest_to(asked, position, k + 1)[0][:, -1]))
 
 
 def components(indptr: np.ndarray, indices: np.ndarray, keep: np.ndarray) -> np.ndarray:
@@ -86,7 +88,7 @@ def thin(position: np.ndarray, normal: np.ndarray, count: int) -> np.ndarray:
     if len(position) <= count:
         return np.arange(len(position))
     low, high = position.min(0), position.max(0)
-    key = np.empty(len(position), np.int64)
+    key = room(len(position), np.int64)
 
     # Occupied cells go with the inverse square of their size
     cell = spacing(position) * np.sqrt(len(position) / count)
@@ -96,9 +98,20 @@ def thin(position: np.ndarray, normal: np.ndarray, count: int) -> np.ndarray:
             grid = np.floor((position[own] - low) / cell).astype(np.int64)
             octant = (normal[own] > 0) @ np.array([1, 2, 4])
             key[own] = ((grid[:, 0] * extent[1] + grid[:, 1]) * extent[2] + grid[:, 2]) * 8 + octant
-        chosen = np.unique(key, return_index=True)[1]
+        chosen = _first(key)
         cell *= np.sqrt(len(chosen) / count)
     return np.sort(chosen)
+
+
+def _first(key: np.ndarray) -> np.ndarray:
+    """Where each key (T,) comes first, by rising keys."""
+    known, first = np.empty(0, np.int64), np.empty(0, np.int64)
+    for own in blocks(len(key), MERGED):
+        all_of = np.concatenate([known, key[own]])
+        where = np.concatenate([first, np.arange(own.start, own.stop)])
+        known, found = np.unique(all_of, return_index=True)
+        first = where[found]
+    return first
 
 
 def _local_spacing(distance: np.ndarray) -> np.ndarray:
@@ -111,13 +124,17 @@ def _symmetrise(
     distance: np.ndarray, index: np.ndarray, limit: np.ndarray, normal: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Every texel's own neighbours, and the mirror of an edge that the other end did not find."""
-    touches = np.zeros(index.shape, np.bool_)
+    touches = room(index.shape, np.bool_)
+    touches[:] = False
     _touch(distance, index, limit, normal, touches)
-    counts = np.zeros(len(index), np.int64)
-    _enter(index, touches, counts, np.empty(0, np.int32))
-    indptr = np.concatenate([[0], np.cumsum(counts)])
+    cursor, indptr = room(len(index), np.int64), room(len(index) + 1, np.int64)
+    cursor[:] = 0
+    _enter(index, touches, cursor, np.empty(0, np.int32))
+    indptr[0] = 0
+    np.cumsum(cursor, out=indptr[1:])
     indices = room(int(indptr[-1]), np.int32)
-    _enter(index, touches, indptr[:-1].copy(), indices)
+    cursor[:] = indptr[:-1]
+    _enter(index, touches, cursor, indices)
     return indptr, indices
 
 

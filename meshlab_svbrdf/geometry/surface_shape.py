@@ -71,7 +71,7 @@ def surface_shape(position: np.ndarray, normal: np.ndarray) -> np.ndarray:
 def steepest_turn(shape: np.ndarray) -> np.ndarray:
     """The largest turn of the normal per unit of x in any direction, (T,); inf where not known."""
     # Of SᵀS two eigenvalues are not 0: they follow from their sum and that of their squares
-    turn = np.empty(len(shape))
+    turn = room(len(shape), np.float64)
     for own in blocks(len(shape)):
         square = np.einsum("tij,tik->tjk", shape[own], shape[own], dtype=np.float64)
         trace, squares = np.einsum("tii->t", square), np.einsum("tij,tij->t", square, square)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..blocks import blocks, room
+from ..blocks import blocks, places, room, taken
 from ..jit import kernel
 from .groups import walk
 from .mesh import Mesh
@@ -59,8 +59,10 @@ class Texels:
         """The same, one image after the other."""
         for index, size in enumerate(self.sizes):
             image = np.full((*size, *values.shape[1:]), fill, values.dtype)
-            here = np.flatnonzero(self.texture == index) if len(self.sizes) > 1 else slice(None)
-            image[self.row[here], self.col[here]] = values[here]
+            here = places(self.texture == index) if len(self.sizes) > 1 else np.arange(len(self))
+            for block in blocks(len(here)):
+                own = here[block]
+                image[self.row[own], self.col[own]] = values[own]
             yield image
 
 
@@ -125,7 +127,7 @@ def rasterise_texels(mesh: Mesh, sizes: tuple[tuple[int, int], ...]) -> Texels:
         row, col = np.nonzero(owner >= 0)
         row, col = row.astype(np.int32), col.astype(np.int32)
         parts.append([
-            _taken(owner, row, col), _taken(barycentric, row, col),
+            taken(owner, row, col), taken(barycentric, row, col),
             np.full(len(row), index, np.uint8), row, col,
         ])  # fmt: skip
         del owner, barycentric, row, col
@@ -142,18 +144,10 @@ def rasterise_texels(mesh: Mesh, sizes: tuple[tuple[int, int], ...]) -> Texels:
     _unit_or_face(normal, mesh, face)
     order = walk(position) if len(face) else np.arange(0)
     return Texels(
-        _taken(position, order), _taken(normal, order), _taken(face, order),
-        _taken(barycentric, order), _taken(texture, order), _taken(row, order),
-        _taken(col, order), center, mesh.radius, tuple(sizes),
+        taken(position, order), taken(normal, order), taken(face, order),
+        taken(barycentric, order), taken(texture, order), taken(row, order),
+        taken(col, order), center, mesh.radius, tuple(sizes),
     )  # fmt: skip
-
-
-def _taken(values: np.ndarray, *places: np.ndarray) -> np.ndarray:
-    """values[places], which may be long."""
-    found = room((len(places[0]), *values.shape[len(places) :]), values.dtype)
-    for own in blocks(len(found)):
-        found[own] = values[tuple(place[own] for place in places)]
-    return found
 
 
 def _joined(parts: list[list[np.ndarray]]) -> np.ndarray:
