@@ -46,6 +46,10 @@ def bench(
         typer.Option("--huge", help="Only tell how memory, time and disk grow to 16384² texels and "
                      "10 million triangles, from this size and half of it."),
     ] = False,
+    tiles: Annotated[
+        bool, typer.Option("--tiles", help="With --huge: an object with six textures of that size, "
+                           "UDIM tiles.")
+    ] = False,
     cold: Annotated[
         bool, typer.Option(help="Also time a first run, which compiles the kernels.")
     ] = True,
@@ -82,7 +86,7 @@ def bench(
             typer.echo(str(make_workload(folder, frames, options).project))
             return
         if huge:
-            told = grow(frames, texture_size, options, folder, estimator, preset, say.print)
+            told = grow(frames, texture_size, options, folder, estimator, preset, tiles, say.print)
             _print(told, huge_sheets(told), json)
             return
         wanted = Wanted(

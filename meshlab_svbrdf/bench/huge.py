@@ -15,21 +15,24 @@ Figures = dict[str, Any]
 TEXELS = 16384**2
 TRIANGLES = 10_000_000
 SIZE = "compute_svbrdf_texels.texture_size"
+RAYS = "compute_svbrdf_visibility.directions"
 SURFACES = 100_000, 400_000  # triangles
 FACES_SIZE = 256  # of the texture where triangles are counted
 RETURNED = {"MALLOC_MMAP_THRESHOLD_": "1000000"}
 """Arrays that a stage lets go of do not count in the next one's peak (glibc)."""
-DIRECTIONS = 64  # rays a vertex there: their time is a line, their memory the same
+DIRECTIONS = 64  # rays a vertex: their time is a line, their memory the same
 
 
 def huge(
     frames: int, texture_size: int, options: Options, folder: Path | None,
-    estimator: str = "joint", preset: str = "full", say: Callable[[str], None] = lambda line: None,
+    estimator: str = "joint", preset: str = "full", tiles: bool = False,
+    say: Callable[[str], None] = lambda line: None,
 ) -> Figures:  # fmt: skip
     """Runs at the texture size and at half of it, surfaces of so many triangles, and what follows
     for `TEXELS` and `TRIANGLES`.
 
     Kernels are loaded in both runs of a line alike: its slope does not hold that.
+    tiles : the object has six textures of that size, UDIM tiles
 
     texels : `growth` per stage of the whole chain, and the two runs
     triangles : of the stages that need the mesh alone
@@ -42,9 +45,9 @@ def huge(
         for size in (texture_size // 2, texture_size):
             say(f"{frames} frames, {size}×{size}")
             runs.append(measure(
-                "chain", None, RETURNED, project=str(workload.first(frames)),
+                "chain", None, RETURNED, project=str(workload.first(frames, tiles)),
                 output=str(place / "run"), estimator=estimator, preset=preset,
-                settings={SIZE: str(size)}, warm=False,
+                settings={SIZE: str(size), RAYS: str(DIRECTIONS)}, warm=False,
             ))  # fmt: skip
             shutil.rmtree(place / "run")
         surfaces = []

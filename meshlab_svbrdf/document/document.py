@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from .. import registry
+from ..blocks import rowwise
 from ..errors import DocumentError, SvbrdfError
 from ..filter import Filter
 from ..geometry.camera import Camera
@@ -270,7 +271,8 @@ class Document(Products):
         mesh = self._given_mesh(layer)
         if self.has_array("uv"):
             index = self.array("uv_texture") if self.has_array("uv_texture") else None
-            mesh = replace(mesh, uv=self.array("uv").astype(np.float64), texture_index=index)
+            uv = rowwise(lambda some: some.astype(np.float64), self.array("uv"))
+            mesh = replace(mesh, uv=uv, texture_index=index)
         return mesh
 
     def _given_mesh(self, layer: Layer) -> Mesh:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ..blocks import blocks
+from ..blocks import blocks, resting, room, rowwise
 from ..errors import DocumentError
 from ..geometry.mesh import Mesh
 from .atomic import replacing
@@ -166,7 +166,7 @@ def _read_faces(
     if not isinstance(corners, Lists):
         raise DocumentError(f"{path}: its vertex_indices are not lists")
     polygon, triangle = fan(corners.counts, path)
-    faces = _integers(corners.values, f"{path}: vertex_indices")[triangle]
+    faces = resting(_integers(corners.values, f"{path}: vertex_indices")[triangle])
     texture = columns.get("texnumber")
     index = None if texture is None else _integers(texture, f"{path}: texnumber")[polygon]
     texcoord = columns.get("texcoord")
@@ -181,11 +181,12 @@ def _read_faces(
             f"{path}: face {face} has {corners.counts[face]} corners and {texcoord.counts[face]} "
             "texture coordinates, expected two a corner"
         )
-    flat = np.zeros((len(corners.values), 2))
+    flat = room((len(corners.values), 2), np.float64)
+    flat[:] = 0
     flat[np.repeat(has, corners.counts)] = texcoord.values.reshape(-1, 2)
     if not has.all():
         index = np.where(has[polygon], 0 if index is None else index, -1).astype(np.int32)
-    return faces, flat[triangle], index, polygon
+    return faces, rowwise(lambda some: flat[some], triangle), index, polygon
 
 
 def _face_color(element: Element, polygon: np.ndarray, path: Path) -> np.ndarray | None:

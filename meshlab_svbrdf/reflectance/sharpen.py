@@ -13,7 +13,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 from scipy.sparse import csr_array
 
-from ..blocks import blocks
+from ..blocks import blocks, room, rowwise
 from ..geometry.tangents import tangents
 from ..geometry.texels import Texels
 from ..jit import kernel
@@ -88,16 +88,16 @@ class Blur:
 
     def __init__(self, texels: Texels, covariance: np.ndarray) -> None:
         self._texels, self._covariance = texels, covariance
-        seen = covariance[:, 0] > 0
         # Lay the textures below one another, out of each other's reach
         widest = max(size[1] for size in texels.sizes)
         tops = np.cumsum([0, *(size[0] + REACH for size in texels.sizes)])
-        self._row = texels.row.astype(np.int32)
-        self._index = np.full((tops[-1], widest), -1, np.int32)
-        for number, top in enumerate(tops[1:-1], 1):
-            self._row[texels.texture == number] += np.int32(top)
-        own = np.flatnonzero(seen)
-        self._index[self._row[own], texels.col[own]] = own
+        down = np.array(tops[:-1], np.int32)
+        self._row = rowwise(lambda row, number: row + down[number], texels.row, texels.texture)
+        self._index = room((tops[-1], widest), np.int32)
+        self._index[:] = -1
+        for block in blocks(len(texels)):
+            own = block.start + np.flatnonzero(covariance[block, 0] > 0)
+            self._index[self._row[own], texels.col[own]] = own
 
     def rows(self, own: slice) -> csr_array:
         """The rows of some texels, (n, T)."""
@@ -126,11 +126,15 @@ def sharpen(
     noise : (T,) standard error of `blurred`
     """
     known = np.isfinite(blurred).all(1) & (covariance[:, 0] > 0)
-    blur = Blur(texels, np.where(known[:, None], covariance, 0).astype(np.float32))
-    start = np.where(known[:, None], blurred, 0).astype(np.float32)
+
+    def only(own: np.ndarray, values: np.ndarray) -> np.ndarray:
+        return np.where(own[:, None], values, 0).astype(np.float32)
+
+    blur, start = Blur(texels, rowwise(only, known, covariance)), rowwise(only, known, blurred)
     pieces = list(blocks(len(start), PIECE))
     held: dict[int, csr_array] = {}
-    sharp, after = start.copy(), np.empty_like(start)
+    sharp, after = (room(start.shape, np.float32) for _ in range(2))
+    sharp[:] = start
 
     def step(number: int) -> None:
         own = pieces[number]
@@ -149,4 +153,8 @@ def sharpen(
         for _ in range(ROUNDS):
             list(pool.map(step, range(len(pieces))))
             sharp, after = after, sharp
-    return np.where(known[:, None], sharp, blurred).astype(np.float32)
+
+    def joined(own: np.ndarray, new: np.ndarray, old: np.ndarray) -> np.ndarray:
+        return np.where(own[:, None], new, old).astype(np.float32)
+
+    return rowwise(joined, known, sharp, blurred)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from ..blocks import room
 from ..geometry.camera import Camera
 from ..geometry.groups import GROUP, faces_away, group
 from ..geometry.mesh import Mesh
@@ -241,7 +242,7 @@ class FrameSampler:
     ):
         self.texels = texels
         self.position, self.normal = (
-            np.array(values.T, np.float32, order="C") for values in (texels.position, texels.normal)
+            _columns(values) for values in (texels.position, texels.normal)
         )
         self.reference_depth = reference_depth
         self.quality = quality or Quality()
@@ -308,6 +309,13 @@ class FrameSampler:
             np.float32(q.cut), kind(clipped), texel, value,
         )  # fmt: skip
         return SampledFrame(texel[:n].copy(), value[:n].copy())
+
+
+def _columns(values: np.ndarray) -> np.ndarray:
+    """(3, T) float32 of (T, 3), which may be long."""
+    columns = room(values.shape[::-1], np.float32)
+    columns[...] = values.T
+    return columns
 
 
 def _window(camera: Camera, box: np.ndarray) -> tuple[int, int, int, int]:
