@@ -6,7 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from itertools import pairwise
 from threading import local
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from .blocks import BLOCK
 
@@ -31,8 +31,8 @@ def in_pieces(work: Callable[[int, int], Result], count: int) -> list[Result]:
         return list(pool.map(lambda ends: work(*ends), pairwise(edges)))
 
 
-def side_by_side(*works: Callable[[], Result]) -> list[Result]:
-    """What some works give that do not wait for each other."""
+def side_by_side(*works: Callable[[], Any]) -> list[Any]:
+    """What some works give that do not wait for each other; the first one's error, if several."""
     with ThreadPoolExecutor(thread_count()) as pool:
         return list(pool.map(lambda work: work(), works))
 
