@@ -132,25 +132,31 @@ def _one_object(here: Row, row: Row) -> Table:
 def _many_objects(here: Row, row: Row) -> Table:
     """Objects as tasks: a machine such as this one each, its cores always busy."""
     each = _sum(here, "cpu_seconds") / here["cores"]
-    moved = here["frame_bytes"] + (1 + len(PASSES)) * here["store_bytes"] + here["result_bytes"]
-    kept = here["store_bytes"] + here["result_bytes"]
+    kept = here["frame_bytes"] + here["result_bytes"]
+    shared = kept + (1 + len(PASSES)) * here["store_bytes"]
     cells = []
     for machines in MACHINES:
-        rate = min(machines / each, DISK / moved)
+        all_busy = machines / each
+        rates = [min(all_busy, DISK / moved) for moved in (shared, kept)]
         cells.append([
-            f"{machines:,}", f"{OBJECTS / rate / 3600:,.1f}", f"{machines / each * 3600:,.0f}",
-            f"{machines / each * moved / 1e6:,.0f}", f"{100 * rate * row['empty']:.3f} %",
+            f"{machines:,}", *(f"{OBJECTS / rate / 3600:,.1f}" for rate in rates),
+            *(f"{all_busy * moved / 1e6:,.0f}" for moved in (shared, kept)),
+            f"{100 * all_busy * row['empty']:.1f} %",
         ])  # fmt: skip
+    left = here["result_bytes"] * OBJECTS / 1e12
     return Table(
         f"On paper: {OBJECTS:,} objects of {here['frames']} frames",
-        ["machines", "hours", "objects an hour, but for the disk", "MB/s of the shared disk",
-         "of the scheduler's time"],
+        ["machines", "hours, samples on the shared disk", "hours, samples in memory",
+         "MB/s of the disk, to keep all busy", "samples in memory", "of the scheduler's time"],
         cells,
         (
-            f"An object takes {each * here['cores']:.0f} CPU seconds, a machine has "
-            f"{here['cores']} cores that are always busy, and an object moves "
-            f"{moved / 1e9:.2f} GB; {kept / 1e9:.2f} GB stay, {kept * OBJECTS / 1e12:.1f} TB of "
-            f"all, {here['result_bytes'] * OBJECTS / 1e12:.1f} TB without samples.",
-            f"A disk of {DISK / 1e6:.0f} MB/s is full at {DISK / moved * each:.0f} machines.",
+            f"An object takes {each * here['cores']:.0f} CPU seconds; a machine has "
+            f"{here['cores']} cores that are always busy.",
+            f"An object moves {shared / 1e9:.2f} GB, or {kept / 1e9:.2f} with its samples in "
+            f"memory. All leave {left:.1f} TB of results, and "
+            f"{here['store_bytes'] * OBJECTS / 1e12:.1f} TB of samples on the disk.",
+            f"A disk of {DISK / 1e6:.0f} MB/s is full at {DISK / shared * each:.0f} machines, or "
+            f"at {DISK / kept * each:.0f} with samples in memory; the scheduler at "
+            f"{each / row['empty']:,.0f}.",
         ),
     )  # fmt: skip

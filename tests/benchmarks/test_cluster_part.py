@@ -43,7 +43,9 @@ def test_what_is_on_paper_adds_up():
     # 10,000 objects of 200 CPU s; each moves .3 + 4 · .5 + .1 GB: the disk is full at 42 machines
     assert [float(cells[1].replace(",", "")) for cells in many.cells[:2]] == [277.8, 27.8]
     assert many.cells[2][1] == many.cells[3][1] == "6.7"
-    assert "full at 42 machines" in many.notes[1]
+    # With samples in memory .4 GB: 250 machines
+    assert [cells[2] for cells in many.cells[2:]] == ["2.8", "1.1"]
+    assert "full at 42 machines, or at 250 with" in many.notes[2]
 
 
 def test_a_result_that_differs_is_told():
