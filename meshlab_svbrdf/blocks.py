@@ -73,7 +73,7 @@ def taken(values: np.ndarray, *at: np.ndarray) -> np.ndarray:
 
 def places(mask: np.ndarray) -> np.ndarray:
     """np.flatnonzero of a mask (n,) bool, int64, which may be long."""
-    found, count = room(np.count_nonzero(mask), np.int64), 0
+    found, count = room(int(np.count_nonzero(mask)), np.int64), 0
     for own in blocks(len(mask)):
         here = np.flatnonzero(mask[own])
         found[count : count + len(here)] = here + own.start

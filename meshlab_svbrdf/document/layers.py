@@ -162,7 +162,8 @@ def mesh_digest(mesh: Mesh, matrix: np.ndarray) -> str:
         (mesh.vertices, np.float64), (mesh.faces, np.int32), (mesh.normals, np.float64),
         (mesh.uv, np.float32), (texture, np.int32), (matrix, np.float64),
     ):  # fmt: skip
-        for own in blocks(0 if array is None else len(array)):
-            sha.update(np.ascontiguousarray(array[own], kind).data)
+        if array is not None:
+            for own in blocks(len(array)):
+                sha.update(np.ascontiguousarray(array[own], kind).data)
         sha.update(b"|")
     return sha.hexdigest()

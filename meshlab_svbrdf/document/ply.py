@@ -137,13 +137,13 @@ def write_ply(
     header = ["ply", "format binary_little_endian 1.0"]
     header += [f"comment TextureFile {_texture_name(file, folder)}" for file in files]
     elements = {"vertex": (columns, len(mesh.vertices)), "face": (faces, len(mesh.faces))}
-    for name, (values, count) in elements.items():
-        header += [f"element {name} {count}", *_properties(_row(values, count))]
+    for name, (fields, count) in elements.items():
+        header += [f"element {name} {count}", *_properties(_row(fields, count))]
     with replacing(path) as temporary, temporary.open("wb") as stream:
         stream.write("\n".join([*header, "end_header", ""]).encode("utf-8"))
-        for values, count in elements.values():
+        for fields, count in elements.values():
             for own in blocks(count):  # tofile does not notice that the disk is full
-                stream.write(_table([(n, k, v[own]) for n, k, v in values]).data)
+                stream.write(_table([(n, kind, column[own]) for n, kind, column in fields]).data)
 
 
 def _read_faces(

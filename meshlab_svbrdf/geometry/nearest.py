@@ -38,7 +38,8 @@ def nearest_to(asked: np.ndarray, position: np.ndarray, k: int) -> tuple[np.ndar
 
     Returns distances (n, k) float and indices (n, k).
     """
-    far, those = np.empty((len(asked), 0)), np.empty((len(asked), 0), np.int64)
+    far: np.ndarray = np.empty((len(asked), 0))
+    those: np.ndarray = np.empty((len(asked), 0), np.int64)
     for own in blocks(len(position), PLANTED):
         away, index = tree_of(position[own]).query(asked, k=np.arange(1, k + 1), workers=-1)
         far, those = np.hstack([far, away]), np.hstack([those, index + own.start])

@@ -210,10 +210,11 @@ class _Obstacles:
         """Harmonics of what obstacles take from some vertices' (n,) hemispheres, (n, 36)."""
         whole = room((len(vertices), COEFFICIENTS), np.float64)
         for own in blocks(len(vertices)):
-            whole[own] = self._of(
-                vertices[own],
-                lambda share, a=own.start, b=own.stop: progress((a + share * (b - a)) / len(whole)),
-            )
+
+            def tell(share: float, own: slice = own) -> None:
+                progress((own.start + share * (own.stop - own.start)) / len(vertices))
+
+            whole[own] = self._of(vertices[own], tell)
         return whole
 
     def _of(self, vertices: np.ndarray, progress: Callable[[float], object]) -> np.ndarray:
