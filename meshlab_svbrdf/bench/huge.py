@@ -20,6 +20,8 @@ SURFACES = 100_000, 400_000  # triangles
 FACES_SIZE = 256  # of the texture where triangles are counted
 RETURNED = {"MALLOC_MMAP_THRESHOLD_": "1000000"}
 """Arrays that a stage lets go of do not count in the next one's peak (glibc)."""
+IN_FILES = {"MESHLAB_SVBRDF_LARGE": "1000000"}
+"""Of small runs: what lies in files for a huge object does so for them, too (`blocks.room`)."""
 DIRECTIONS = 64  # rays a vertex: their time is a line, their memory the same
 
 
@@ -42,12 +44,12 @@ def huge(
         runs = []
         for size in (texture_size // 2, texture_size):
             say(f"{frames} frames, {size}×{size}")
-            runs.append(_run(workload.first(frames), place, size, estimator, preset))
+            runs.append(_run(workload.first(frames), place, size, estimator, preset, IN_FILES))
         surfaces = []
         for count in SURFACES:
             say(f"a surface of {count:,} triangles")
             surfaces.append(measure(
-                "surface", None, RETURNED, folder=str(place), triangles=count, size=FACES_SIZE,
+                "surface", None, RETURNED | IN_FILES, folder=str(place), triangles=count, size=FACES_SIZE,
                 directions=DIRECTIONS,
             ))  # fmt: skip
     finally:
@@ -69,15 +71,18 @@ def shown(
     place = Path(tempfile.mkdtemp(prefix="huge-", dir=workload.folder))
     try:
         say(f"{frames} frames, six tiles of {texture_size}×{texture_size}")
-        return _run(workload.first(frames, tiles=True), place, texture_size, estimator, preset)
+        project = workload.first(frames, tiles=True)
+        return _run(project, place, texture_size, estimator, preset, {})
     finally:
         shutil.rmtree(place, ignore_errors=True)
 
 
-def _run(project: Path, place: Path, size: int, estimator: str, preset: str) -> Figures:
-    """The chain's figures; its results are measured, and taken away."""
+def _run(
+    project: Path, place: Path, size: int, estimator: str, preset: str, where: dict[str, str]
+) -> Figures:
+    """The chain's figures; its results are measured, and taken away. where : of `IN_FILES`"""
     told = measure(
-        "chain", None, RETURNED, project=str(project), output=str(place / "run"),
+        "chain", None, RETURNED | where, project=str(project), output=str(place / "run"),
         estimator=estimator, preset=preset, settings={SIZE: str(size), RAYS: str(DIRECTIONS)},
         warm=False,
     )  # fmt: skip
