@@ -49,8 +49,8 @@ def huge(
         for count in SURFACES:
             say(f"a surface of {count:,} triangles")
             surfaces.append(measure(
-                "surface", None, RETURNED | IN_FILES, folder=str(place), triangles=count, size=FACES_SIZE,
-                directions=DIRECTIONS,
+                "surface", None, RETURNED | IN_FILES, folder=str(place), triangles=count,
+                size=FACES_SIZE, directions=DIRECTIONS,
             ))  # fmt: skip
     finally:
         shutil.rmtree(place, ignore_errors=True)
