@@ -17,7 +17,8 @@ import numpy as np
 from .errors import SvbrdfError
 
 BLOCK = 1 << 18
-LARGE = 64 << 20  # bytes
+LARGE = int(os.environ.get("MESHLAB_SVBRDF_LARGE", 64 << 20))
+"""Bytes from which on a working array lies in a file."""
 
 
 def blocks(count: int, size: int = BLOCK) -> Iterator[slice]:

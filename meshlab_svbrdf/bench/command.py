@@ -47,8 +47,9 @@ def bench(
                      "10 million triangles, from this size and half of it."),
     ] = False,
     tiles: Annotated[
-        bool, typer.Option("--tiles", help="With --huge: an object with six textures of that size, "
-                           "UDIM tiles.")
+        bool,
+        typer.Option("--tiles", help="Only run once on an object with six textures of that size, "
+                     "UDIM tiles, and tell time and memory."),
     ] = False,
     cold: Annotated[
         bool, typer.Option(help="Also time a first run, which compiles the kernels.")
@@ -75,8 +76,9 @@ def bench(
 
     from ..errors import SvbrdfError
     from .huge import huge as grow
+    from .huge import shown
     from .measure import Wanted, benchmark
-    from .sheets import huge_sheets, sheets
+    from .sheets import huge_sheets, sheets, shown_sheet
     from .workload import Options, make_workload
 
     options = Options(triangles, width, height, format.value, step=step)
@@ -85,8 +87,12 @@ def bench(
         if only_make:
             typer.echo(str(make_workload(folder, frames, options).project))
             return
+        if tiles:
+            told = shown(frames, texture_size, options, folder, estimator, preset, say.print)
+            _print(told, [shown_sheet(told)], json)
+            return
         if huge:
-            told = grow(frames, texture_size, options, folder, estimator, preset, tiles, say.print)
+            told = grow(frames, texture_size, options, folder, estimator, preset, say.print)
             _print(told, huge_sheets(told), json)
             return
         wanted = Wanted(

@@ -178,7 +178,6 @@ def make_workload(
         write_ply(place / "bench.ply", scene.mesh)
     if not (place / "ground_truth" / "lights.json").is_file():
         write_truth(place / "ground_truth", scene, workload.texels(options.truth))
-    _ = scene.seen  # once, not once a thread
     if options.format == "h264":
         _write_videos(workload, progress)
     else:
@@ -188,6 +187,8 @@ def make_workload(
 
 def _write_images(workload: Workload, progress: Callable[[int, int], None]) -> None:
     todo = [k for k in range(workload.frames) if not workload.frame_path(k).is_file()]
+    if todo:
+        _ = workload.scene.seen  # once, not once a thread
 
     def make(index: int) -> None:
         quality = workload.options.quality
@@ -200,6 +201,8 @@ def _write_images(workload: Workload, progress: Callable[[int, int], None]) -> N
 def _write_videos(workload: Workload, progress: Callable[[int, int], None]) -> None:
     turns = workload.turns(workload.frames)
     todo = [turn for turn in turns if not workload.video(turn).is_file()]
+    if todo:
+        _ = workload.scene.seen  # once, not once a thread
     for turn in todo:
         write_video(workload.video(turn), ahead(workload.frame, turns[turn]))
         progress(turns[turn][-1] + 1, workload.frames)

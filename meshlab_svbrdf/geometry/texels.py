@@ -134,13 +134,13 @@ def rasterise_texels(mesh: Mesh, sizes: tuple[tuple[int, int], ...]) -> Texels:
     face, barycentric, texture, row, col = (_joined(parts) for _ in range(5))
 
     center = mesh.center
-    places = (mesh.vertices - center).astype(np.float32)
+    vertices = (mesh.vertices - center).astype(np.float32)
     directions = mesh.vertex_normals().astype(np.float32)
     position, normal = (room((len(face), 3), np.float32) for _ in range(2))
-    for some in blocks(len(face)):
-        corners = mesh.faces[face[some]]
-        position[some] = np.einsum("tc,tcd->td", barycentric[some], places[corners])
-        normal[some] = np.einsum("tc,tcd->td", barycentric[some], directions[corners])
+    for block in blocks(len(face)):
+        corners = mesh.faces[face[block]]
+        position[block] = np.einsum("tc,tcd->td", barycentric[block], vertices[corners])
+        normal[block] = np.einsum("tc,tcd->td", barycentric[block], directions[corners])
     _unit_or_face(normal, mesh, face)
     order = walk(position) if len(face) else np.arange(0)
     return Texels(

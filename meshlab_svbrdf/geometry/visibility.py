@@ -213,8 +213,8 @@ class _Obstacles:
         whole = room((len(vertices), COEFFICIENTS), np.float64)
         for own in blocks(len(vertices)):
 
-            def tell(share: float, first: int = own.start, stop: int = own.stop) -> None:
-                progress((first + share * (stop - first)) / len(whole))
+            def tell(share: float, own: slice = own) -> None:
+                progress((own.start + share * (own.stop - own.start)) / len(vertices))
 
             whole[own] = self._of(vertices[own], tell)
         return whole

@@ -141,8 +141,11 @@ def patches(labels: np.ndarray, position: np.ndarray) -> tuple[np.ndarray, np.nd
 
     key = rowwise(keys, labels, position)
     known = np.unique(np.concatenate([[-1], *(np.unique(key[own]) for own in blocks(len(key)))]))
-    patch = rowwise(lambda some: np.asarray(np.searchsorted(known, some) - 1, np.int32), key)
-    return patch, (known[1:] // (2 * CELLS + 1) ** 3).astype(np.int32)
+
+    def number(some: np.ndarray) -> np.ndarray:
+        return np.asarray(np.searchsorted(known, some) - 1, np.int32)
+
+    return rowwise(number, key), (known[1:] // (2 * CELLS + 1) ** 3).astype(np.int32)
 
 
 def area_sums(lit: Lit, area: np.ndarray, of: np.ndarray, *, half: int = 0) -> np.ndarray:
