@@ -17,6 +17,7 @@ from ..blocks import blocks, room, rowwise
 from ..geometry.tangents import tangents
 from ..geometry.texels import Texels
 from ..jit import kernel
+from ..power import exp
 from ..threads import thread_count
 from .footprint import SPREAD
 
@@ -47,6 +48,8 @@ def _rows(first, stop, position, normal, row, col, covariance, index, counts, co
         determinant = aa * bb - ab * ab
         if not determinant > 0.0:
             continue
+        xx, xy, yy = bb / determinant, -2.0 * ab / determinant, aa / determinant
+        zz = 1.0 / (aa + bb)
         start, total = n, 0.0
         for ring in range(REACH + 1):
             beyond = True
@@ -62,12 +65,11 @@ def _rows(first, stop, position, normal, row, col, covariance, index, counts, co
                     z = position[u, 2] - position[t, 2]
                     a, b = x * ax + y * ay + z * az, x * bx + y * by + z * bz
                     off = x * nx + y * ny + z * nz
-                    d2 = (bb * a * a - 2.0 * ab * a * b + aa * b * b) / determinant
-                    d2 += off * off / (aa + bb)
+                    d2 = xx * a * a + xy * a * b + yy * b * b + zz * off * off
                     beyond &= d2 >= CUT
                     facing = normal[u, 0] * nx + normal[u, 1] * ny + normal[u, 2] * nz
                     if d2 < CUT and facing > 0.0:
-                        columns[n], weights[n] = u, np.exp(-0.5 * d2)
+                        columns[n], weights[n] = u, exp(-0.5 * d2)
                         total += weights[n]
                         n += 1
             if beyond:
