@@ -85,7 +85,7 @@ def _moved(row: Row) -> Table:
         wrote = row["store_bytes"] if stage["name"] == SAMPLES else 0
         cells.append([
             stage["name"], f"{stage['cpu_seconds']:.1f}", f"{n}",
-            f"{stage['workers_cpu'] / n:.2f}", f"{stage['sent'] / 1e6:.1f}",
+            f"{stage['task_cpu'] / n:.2f}", f"{stage['sent'] / 1e6:.1f}",
             f"{stage['given'] / n:.0f}", f"{stage['returned'] / n / 1e3:,.1f}",
             f"{read / n / 1e6:.1f}", f"{wrote / n / 1e6:.1f}",
         ])  # fmt: skip
@@ -94,15 +94,16 @@ def _moved(row: Row) -> Table:
         ["stage", "CPU s here", "tasks", "CPU s each", "MB to each worker, once", "bytes to a task",
          "kB from a task", "MB a task reads", "writes"],
         cells,
-        (f"A task that does nothing takes {1e3 * row['empty']:.2f} ms, {EMPTY} at once.",),
+        (f"A task that does nothing takes {1e3 * row['empty']:.2f} ms of CPU time of client and "
+         f"scheduler, {EMPTY} at once.",),
     )  # fmt: skip
 
 
 def _one_object(here: Row, row: Row) -> Table:
     """Amdahl: what spreads is divided, what does not stays, what travels is added."""
-    rest = _sum(here, "cpu_seconds", False) / here["cores"] + _sum(row, "cpu_seconds", True)
-    work = _sum(row, "workers_cpu", True)
+    rest = _sum(row, "cpu_seconds") / here["cores"]
     stages = [s for s in row["stages"] if s.get("tasks")]
+    work = sum(s["task_cpu"] for s in stages)
     sent, given = (sum(s[key] for s in stages) for key in ("sent", "returned"))
     count = sum(s["tasks"] for s in stages)
     disk = here["frame_bytes"] + (1 + len(PASSES)) * here["store_bytes"]
@@ -121,8 +122,7 @@ def _one_object(here: Row, row: Row) -> Table:
          "s of network and scheduler", "s"],
         cells,
         (f"A network of {NETWORK / 1e6:.0f} MB/s and a shared disk of {DISK / 1e6:.0f} MB/s; "
-         f"what does not spread keeps {here['cores']} cores busy, and what stages that spread do "
-         "here, one; work and disk overlap; "
+         f"what does not spread keeps {here['cores']} cores busy; work and disk overlap; "
          "what is sent to every worker goes on from one to the next, twice as many each "
          "time; there are no more tasks than "
          f"{max(s['tasks'] for s in stages)} in a stage.",),

@@ -138,9 +138,10 @@ def _child(command: Sequence[str]) -> tuple[int, str, str]:
                 return INTERRUPTED, told, ""
     finally:
         os.close(held)
+    said = _one_line(error) if child.returncode else ""
     if child.returncode < 0:
-        error = f"killed by signal {-child.returncode}; out of memory? {error}"
-    return child.returncode, told, _one_line(error) if child.returncode else ""
+        said = f"killed by signal {-child.returncode}; out of memory? {said}".rstrip()
+    return child.returncode, told, said
 
 
 def _outcomes(told: str) -> dict[str, str]:
@@ -151,10 +152,11 @@ def _outcomes(told: str) -> dict[str, str]:
 
 
 def _one_line(text: str) -> str:
-    """The last error of what was said, else its last line."""
-    lines = [line.strip(" │") for line in text.splitlines() if line.strip(" │─╭╮╰╯")]
-    found = [line for line in lines if line.startswith("Error: ")] or lines
-    return found[-1].removeprefix("Error: ") if found else ""
+    """What was said from its last error on, else its last line."""
+    lines = [line for line in (line.strip(" │─╭╮╰╯") for line in text.splitlines()) if line]
+    errors = [k for k, line in enumerate(lines) if line == "Error" or line.startswith("Error: ")]
+    told = " ".join(lines[errors[-1] :] if errors else lines[-1:])
+    return told.removeprefix("Error").removeprefix(":").lstrip()
 
 
 def _write(folder: Path, options: Sequence[str], results: Sequence[Result]) -> None:
@@ -162,11 +164,13 @@ def _write(folder: Path, options: Sequence[str], results: Sequence[Result]) -> N
     with replacing(folder / RECORD) as temporary:
         temporary.write_text(json.dumps(told, indent=1), encoding="utf-8")
     text = io.StringIO()
+    figures = list(dict.fromkeys(name for r in results for name in r.figures))
     filters = list(dict.fromkeys(name for r in results for name in r.outcomes))
     table = csv.writer(text, lineterminator="\n")
-    table.writerow(["name", "project", "state", "attempts", "seconds", "error", *filters])
+    table.writerow(["name", "project", "state", "attempts", "seconds", "error", *figures, *filters])
     for r in results:
         row = [r.name, r.project, r.state, r.attempts, f"{r.seconds:.1f}", r.error]
+        row += [r.figures.get(name, "") for name in figures]
         table.writerow([*row, *(r.outcomes.get(name, "") for name in filters)])
     with replacing(folder / TABLE) as temporary:
         temporary.write_text(text.getvalue(), encoding="utf-8")
