@@ -10,6 +10,7 @@ from meshlab_svbrdf.geometry.gutters import fill_gutters
 from meshlab_svbrdf.geometry.texels import Texels
 from meshlab_svbrdf.rendering.colors import viridis
 from meshlab_svbrdf.samples.luminance import to_srgb8
+from meshlab_svbrdf.threads import side_by_side
 
 from ._stages import UNOBSERVED_GREY, share
 
@@ -33,14 +34,17 @@ def set_diffuse_maps(document: Document, texels: Texels, diffuse: np.ndarray) ->
     """
     linear = rowwise(lambda some: (some / 100).astype(np.float32), diffuse)
     observed = np.asarray(np.isfinite(linear).all(axis=1))
-    document.set_map("diffuse", texels.images(linear))
-    colors = room(linear.shape, np.uint8)
-    colors[:] = UNOBSERVED_GREY
-    for own in blocks(len(linear)):
-        colors[own][observed[own]] = to_srgb8(linear[own][observed[own]])
-    set_texture(document, "diffuse", texels, colors)
-    valid = np.where(observed, np.uint8(255), np.uint8(0))
-    document.set_map("valid", texels.images(valid, np.uint8(0)), kind="png")
+
+    def shown() -> None:
+        colors = room(linear.shape, np.uint8)
+        colors[:] = UNOBSERVED_GREY
+        for own in blocks(len(linear)):
+            colors[own][observed[own]] = to_srgb8(linear[own][observed[own]])
+        set_texture(document, "diffuse", texels, colors)
+        valid = np.where(observed, np.uint8(255), np.uint8(0))
+        document.set_map("valid", texels.images(valid, np.uint8(0)), kind="png")
+
+    side_by_side(shown, lambda: document.set_map("diffuse", texels.images(linear)))
     brighter = np.asarray(linear.max(axis=1) > 1)
     if brighter.sum() <= TOO_BRIGHT * observed.sum():
         return []

@@ -24,13 +24,12 @@ from .batch_page import look_at, summary
 from .document.atomic import replacing
 from .document.document import place
 from .errors import SvbrdfError
+from .exits import BUSY, ERROR, INTERRUPTED, USAGE
 from .spread import Spread
 
 TABLE, RECORD, PAGE = "batch.csv", "batch.json", "batch.html"
 RUN = (sys.executable, "-m", "meshlab_svbrdf.batch_child", "run")
 REPORT = (*RUN[:-1], "report")
-ERROR, USAGE, BUSY, INTERRUPTED = 1, 2, 75, 130
-"""Exit codes of `run`; after any other but 0 another attempt may help."""
 PAUSE = 3.0
 """Seconds before another attempt where another run has the project: that of a dead worker ends."""
 WRITTEN_EVERY = 10.0

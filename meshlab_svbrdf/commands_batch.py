@@ -9,6 +9,7 @@ import typer
 from .batch import PAGE, TABLE, run_batch
 from .batch_list import DONE, LEFT, Result, read_list
 from .commands import _friendly, workers
+from .exits import ERROR, INTERRUPTED
 
 
 def batch(
@@ -40,6 +41,6 @@ def batch(
             + f". {output / PAGE} shows them, {output / TABLE} tells what each stage said."
         )
     if results[-1].state == LEFT:
-        raise typer.Exit(130)
+        raise typer.Exit(INTERRUPTED)
     if bad:
-        raise typer.Exit(1)
+        raise typer.Exit(ERROR)

@@ -7,15 +7,12 @@ more than twice as long.
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
-from itertools import pairwise
-
 import numpy as np
 from scipy.spatial import cKDTree
 
 from ..blocks import blocks, places, resting, room, taken
 from ..jit import kernel
-from ..threads import thread_count
+from ..threads import in_pieces
 
 WIDE = 1.7
 """A cell's side, in distances between a point and its fourth nearest (the median of some)."""
@@ -23,7 +20,6 @@ ASKED = 5000
 CROWDED = 400
 """Points in the cells around one, from which on the tree is asked."""
 MOST_CELLS = 2**62
-PIECES = 32
 PLANTED = 1 << 22
 """Points of a tree at most: of more, several are asked one after the other."""
 
@@ -99,9 +95,7 @@ def _from_grid(
             first, stop, points, order, cells, starts, around, wide * wide, distance, index, unsure
         )
 
-    edges = np.linspace(0, len(cells), PIECES + 1).astype(int).tolist()
-    with ThreadPoolExecutor(thread_count()) as pool:
-        list(pool.map(lambda piece: walk(*piece), pairwise(edges)))
+    in_pieces(walk, len(cells))
 
 
 @kernel

@@ -96,6 +96,7 @@ def vertex_visibility(
     directions: int = 512,
     bands: int = BANDS,
     progress: Callable[[float], object] | None = None,
+    rays: Rays | None = None,
 ) -> np.ndarray:
     """Harmonics of the visibility of each vertex's upper hemisphere (§3.1).
 
@@ -111,6 +112,7 @@ def vertex_visibility(
     bands : 1 to 6; coefficients of the bands above are zero. (0, no visibility at all, is
         coefficients=None to whoever uses them.)
     progress : called with the share done, 0 to 1
+    rays : of the mesh, where there are any already
 
     Returns
     -------
@@ -119,7 +121,7 @@ def vertex_visibility(
     if not 1 <= bands <= BANDS:
         raise ValueError(f"bands={bands}: expected 1 to {BANDS}; for none use no coefficients")
     normals = mesh.vertex_normals()
-    shot = _Obstacles(mesh, normals, directions)
+    shot = _Obstacles(mesh, normals, directions, rays or Rays(mesh))
     lonely, between = _between(mesh, normals)
     tell = progress or (lambda share: None)
     taken = room((len(normals), COEFFICIENTS), np.float64)
@@ -200,8 +202,8 @@ def _choose(indptr, indices, usable, chosen):
 class _Obstacles:
     """Shoots rays from vertices into their upper hemispheres, and keeps those that are blocked."""
 
-    def __init__(self, mesh: Mesh, normals: np.ndarray, directions: int) -> None:
-        self.rays, self.normals = Rays(mesh), normals
+    def __init__(self, mesh: Mesh, normals: np.ndarray, directions: int, rays: Rays) -> None:
+        self.rays, self.normals = rays, normals
         self.origins = _off_surface(mesh, mesh.vertices, normals, VERTEX_OFFSET)
         self.omega = spread_directions(directions)
         self.weights = basis(self.omega) * (4 * np.pi / directions)
@@ -240,14 +242,18 @@ class _Obstacles:
 
 
 def needs_visibility(
-    mesh: Mesh, threshold: float = NEARLY_CONVEX, vertices: int = 2000, directions: int = 64
+    mesh: Mesh,
+    threshold: float = NEARLY_CONVEX,
+    vertices: int = 2000,
+    directions: int = 64,
+    rays: Rays | None = None,
 ) -> tuple[bool, float]:
     """Whether self-occlusion matters, and the share of front-facing rays that are blocked.
 
     A seeded sample of vertices is tried; an object with less than `threshold` blocked is nearly
-    convex, and [n·ω > 0] is as good as its visibility.
+    convex, and [n·ω > 0] is as good as its visibility. rays : of the mesh, if there are any already
     """
-    rays, normals = Rays(mesh), mesh.vertex_normals()
+    rays, normals = rays or Rays(mesh), mesh.vertex_normals()
     usable = np.flatnonzero(normals.any(axis=1))
     if len(usable) > vertices:
         usable = np.sort(np.random.default_rng(0).choice(usable, vertices, replace=False))

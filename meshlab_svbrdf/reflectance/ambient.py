@@ -8,7 +8,6 @@ most alike in albedo, whatever the lamps do between them: the sum of |ln a_i −
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,7 +19,7 @@ from ..geometry.harmonics import COEFFICIENTS, evaluate
 from ..geometry.texels import Texels
 from ..jit import kernel
 from ..samples.observations import Observations
-from ..threads import thread_count
+from ..threads import in_pieces
 from .lights import Light
 from .phong import cast_shadows, lamps, light_texels
 
@@ -30,7 +29,6 @@ NEIGHBOURS, REACH = 12, 3.0
 DARKEST = 0.5
 """Luminance units, below which D tells no ratio."""
 GROUPS = 8
-PIECE = 1 << 14
 CERTAIN = 3.0
 """Standard errors, from which on the ambient light counts as seen."""
 LEAST, MOST = 1e-3, 10.0
@@ -62,12 +60,10 @@ def openness(
     share = room(len(normal), np.float64)
     weighted = coefficients * zonal
 
-    def work(first: int) -> None:
-        stop = min(first + PIECE, len(normal))
+    def work(first: int, stop: int) -> None:
         _openness(first, stop, faces, texels.face, texels.barycentric, weighted, normal, share)
 
-    with ThreadPoolExecutor(thread_count()) as pool:
-        list(pool.map(work, range(0, len(normal), PIECE)))
+    in_pieces(work, len(normal))
     return np.clip(share, 0, 1, out=share)
 
 

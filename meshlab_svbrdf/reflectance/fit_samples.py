@@ -178,8 +178,9 @@ def _by_material(
     cursor, usable = stop - sizes, room(int(sizes.sum()), np.int64)
     for block in blocks(len(material)):
         here = own(block)
-        here = here[np.argsort(material[block][here], kind="stable")]
-        of = material[block][here]
+        of = material[block][here].astype(np.min_scalar_type(materials))  # small ones sort by radix
+        order = np.argsort(of, kind="stable")
+        here, of = here[order], of[order]
         size = np.bincount(of, minlength=materials)
         usable[cursor[of] + np.arange(len(of)) - (np.cumsum(size) - size)[of]] = here + block.start
         cursor += size
