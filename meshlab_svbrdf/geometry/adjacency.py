@@ -102,8 +102,16 @@ def thin(position: np.ndarray, normal: np.ndarray, count: int) -> np.ndarray:
     # Occupied cells go with the inverse square of their size
     cell = spacing(position) * np.sqrt(len(position) / count)
     for _ in range(3):
-        cell *= np.sqrt(len(np.unique(keys(cell))) / count)
+        cell *= np.sqrt(_different(keys(cell)) / count)
     return np.sort(_first(keys(cell)))
+
+
+def _different(key: np.ndarray) -> int:
+    """How many keys (T,) there are."""
+    known = np.empty(0, np.int64)
+    for own in blocks(len(key), MERGED):
+        known = np.unique(np.concatenate([known, key[own]]))
+    return len(known)
 
 
 def _first(key: np.ndarray) -> np.ndarray:

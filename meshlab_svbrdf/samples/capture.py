@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from ..blocks import room
+from ..blocks import LARGE, room
 from ..geometry.camera import Camera
 from ..geometry.groups import GROUP, faces_away, group
 from ..geometry.mesh import Mesh
@@ -286,7 +286,7 @@ class FrameSampler:
         camera = camera.about(texels.center)
         left, top, right, bottom = _window(camera, self.box)
         count = len(texels) if left < right and top < bottom else 0
-        texel, value = np.empty(count + 1, np.int32), np.empty((count + 1, 4), kind)
+        texel, value = room(count + 1, np.int32), room((count + 1, 4), kind)
         if count == 0:
             return SampledFrame(texel[:0], value[:0])
         # Look where the object is, and one pixel beyond
@@ -308,6 +308,8 @@ class FrameSampler:
             np.float32(q.occlusion * texels.radius), np.float32(self.reference_depth),
             np.float32(q.cut), kind(clipped), texel, value,
         )  # fmt: skip
+        if texel.nbytes >= LARGE:  # what was not written takes no memory
+            return SampledFrame(texel[:n], value[:n])
         return SampledFrame(texel[:n].copy(), value[:n].copy())
 
 

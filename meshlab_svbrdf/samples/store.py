@@ -36,6 +36,7 @@ from .chunks import (
     Chunk,
     FileChunk,
     Held,
+    Make,
     SampledFrame,
     bytes_of,
     columns,
@@ -224,15 +225,16 @@ def _project(
     """
     each = TEXEL_BYTES + WORDS[np.dtype(kind)].itemsize
     most = texels + min(memory // each, texels * min(stop - first, MOST_FRAMES))
-    held, spare = Held(most, kind), Held(most, kind)
-    again = columns(most, kind) if written_out else None
+    make: Make = room if each * texels > memory else np.empty  # of a huge object, that is
+    held, spare = Held(most, kind, make), Held(most, kind, make)
+    again = columns(most, kind, make) if written_out else None
     written: Future[Found] | None = None
 
     def finish(full: Held) -> Found:
         out = again or columns(full.samples, kind)
         return keep(full.transpose(texels, pool, out)), full.seen, full.quality
 
-    ahead = 2 * thread_count()
+    ahead = int(np.clip(2 * memory // (each * max(texels, 1)), 1, 2 * thread_count()))
     pending = deque(pool.submit(sample, f) for f in range(first, min(first + ahead, stop)))
     with ThreadPoolExecutor(1) as writer:
         try:
