@@ -82,6 +82,7 @@ class Document(Products):
         self.spread: Spread | None = None
         self._told = ""
         self._numbers: tuple[list[Camera], list[list[Any]]] = [], []
+        self._world: tuple[Mesh, np.ndarray, Mesh] | None = None  # a layer's, and where
         self._remembered: list[Any] | None = None  # what `remember` wrote last
         self._placing: dict[str, Any] | None = None  # rasters that the filter that runs now sets
 
@@ -249,12 +250,16 @@ class Document(Products):
         Raises DocumentError where it has no extent.
         """
         layer = layer or self.object_layer()
-        mesh = self._local_mesh(layer).transformed(layer.matrix)
+        local = self._local_mesh(layer)
+        if self._world and self._world[0] is local and (self._world[1] == layer.matrix).all():
+            return self._world[2]
+        mesh = local.transformed(layer.matrix)
         if not mesh.radius > 0:
             raise DocumentError(
                 f"{self.path.name}: all vertices of the layer {layer.label!r} lie in one place; "
                 "scan or export it again, or choose another layer (--layer)"
             )
+        self._world = local, layer.matrix.copy(), mesh
         return mesh
 
     def set_uv(self, uv: np.ndarray, texture_index: np.ndarray | None = None) -> None:

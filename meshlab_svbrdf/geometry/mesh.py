@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -26,12 +27,12 @@ class Mesh:
     uv: np.ndarray | None = None
     texture_index: np.ndarray | None = None
 
-    @property
+    @cached_property
     def center(self) -> np.ndarray:
         """The middle of the bounding box, (3,) float64: the origin of all directions to lights."""
         return (self.vertices.min(0) + self.vertices.max(0)) / 2
 
-    @property
+    @cached_property
     def radius(self) -> float:
         """Half the diagonal of the bounding box: the unit of all thresholds on distance."""
         return float(np.linalg.norm(np.ptp(self.vertices, axis=0)) / 2)
