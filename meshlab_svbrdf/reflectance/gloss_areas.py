@@ -20,7 +20,7 @@ from scipy.spatial import cKDTree
 
 from ..blocks import blocks, rowwise
 from ..samples.observations import Observations
-from ..threads import thread_count
+from ..threads import side_by_side, thread_count
 from .elimination import ALPHAS, eliminate, profile
 from .fit_samples import choose_texels, collect, flat_limits
 from .fit_state import FitState
@@ -210,7 +210,9 @@ def join_silent(
 def part_unlike(lit: Lit, labels: np.ndarray) -> np.ndarray:
     """Labels (T,) after clusters came apart whose patches are of two kinds of gloss."""
     patch, of = patches(labels, lit.observations.texels.position)
-    first, second = (area_sums(lit, patch, of, half=half) for half in (0, 1))
+    first, second = side_by_side(
+        lambda: area_sums(lit, patch, of, half=0), lambda: area_sums(lit, patch, of, half=1)
+    )
     parted = labels.copy()
     for cluster in np.unique(of):
         own = np.flatnonzero(of == cluster)
