@@ -34,7 +34,7 @@ from .solve import TEXTURE
 
 __all__ = ["PART", "tables", "tasks"]
 PART = "cluster"
-WORKERS = (0, 1, 2, 3)  # 0: the threads of one process
+WORKERS = (0, 1, 2)  # 0: the threads of one process
 PLAIN = {"NUMBA_CPU_NAME": "generic"}
 """What kernels are compiled for, as if a worker's processor had no wide vectors."""
 FEW = 24  # frames that such a worker is given
@@ -63,15 +63,27 @@ class _Counted:
 
     def __init__(self, client: Any) -> None:
         self.client, self.cluster = client, Cluster(client)
-        self.told: dict[str, int] = {}
+        self.told: dict[str, float] = {}
 
     def __call__(self, work: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[Result]:
         told = {"tasks": len(items), "sent": _size(work), "given": sum(map(_size, items))}
-        told["returned"] = 0
-        for result in self.cluster(work, items):
+        told |= {"returned": 0, "task_cpu": 0.0}
+        for result, seconds in self.cluster(_Timed(work), items):
             told["returned"] += _size(result)
+            told["task_cpu"] += seconds
             yield result
         self.told = {key: self.told.get(key, 0) + value for key, value in told.items()}
+
+
+class _Timed:
+    """What a task gives, and the CPU seconds it took: an idle worker takes some as well."""
+
+    def __init__(self, work: Callable[[Any], Any]) -> None:
+        self.work = work
+
+    def __call__(self, item: Any) -> tuple[Any, float]:
+        began = time.process_time()
+        return self.work(item), time.process_time() - began
 
 
 def _size(value: Any) -> int:
@@ -113,10 +125,10 @@ def _measure(workers: int, frames: int, texture: int, cache: Path | None, folder
         if client is not None:
             row["start"] = time.perf_counter() - began
             client.run(warm_up)
-            began = time.perf_counter()
+            began = time.process_time()
             for _ in Cluster(client)(abs, range(EMPTY)):
                 pass
-            row["empty"] = (time.perf_counter() - began) / EMPTY
+            row["empty"] = (time.process_time() - began) / EMPTY
         document = Document.open(workload.first(frames), folder)
         row["stages"] = list(_stages(document, client, texture))
         row |= sizes_of(document)

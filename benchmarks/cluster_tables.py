@@ -1,4 +1,8 @@
-"""Tables of what more machines gain, and what 100 machines and 10,000 objects would take."""
+"""Tables of what more machines gain, and what 100 machines and 10,000 objects would take.
+
+What is on paper goes by CPU seconds, which other work on the machine changes least: as if the cores
+were always busy, which is the least time that it can take.
+"""
 
 from __future__ import annotations
 
@@ -81,7 +85,7 @@ def _moved(row: Row) -> Table:
         wrote = row["store_bytes"] if stage["name"] == SAMPLES else 0
         cells.append([
             stage["name"], f"{stage['cpu_seconds']:.1f}", f"{n}",
-            f"{stage['workers_cpu'] / n:.2f}", f"{stage['sent'] / 1e6:.1f}",
+            f"{stage['task_cpu'] / n:.2f}", f"{stage['sent'] / 1e6:.1f}",
             f"{stage['given'] / n:.0f}", f"{stage['returned'] / n / 1e3:,.1f}",
             f"{read / n / 1e6:.1f}", f"{wrote / n / 1e6:.1f}",
         ])  # fmt: skip
@@ -90,15 +94,16 @@ def _moved(row: Row) -> Table:
         ["stage", "CPU s here", "tasks", "CPU s each", "MB to each worker, once", "bytes to a task",
          "kB from a task", "MB a task reads", "writes"],
         cells,
-        (f"A task that does nothing takes {1e3 * row['empty']:.2f} ms, {EMPTY} at once.",),
+        (f"A task that does nothing takes {1e3 * row['empty']:.2f} ms of CPU time of client and "
+         f"scheduler, {EMPTY} at once.",),
     )  # fmt: skip
 
 
 def _one_object(here: Row, row: Row) -> Table:
     """Amdahl: what spreads is divided, what does not stays, what travels is added."""
-    rest = _sum(here, "seconds", False) + _sum(row, "cpu_seconds", True)
-    work = _sum(row, "workers_cpu", True)
+    rest = _sum(row, "cpu_seconds") / here["cores"]
     stages = [s for s in row["stages"] if s.get("tasks")]
+    work = sum(s["task_cpu"] for s in stages)
     sent, given = (sum(s[key] for s in stages) for key in ("sent", "returned"))
     count = sum(s["tasks"] for s in stages)
     disk = here["frame_bytes"] + (1 + len(PASSES)) * here["store_bytes"]
@@ -117,7 +122,7 @@ def _one_object(here: Row, row: Row) -> Table:
          "s of network and scheduler", "s"],
         cells,
         (f"A network of {NETWORK / 1e6:.0f} MB/s and a shared disk of {DISK / 1e6:.0f} MB/s; "
-         "work and disk overlap; what a stage that spreads does here counts by its CPU time; "
+         f"what does not spread keeps {here['cores']} cores busy; work and disk overlap; "
          "what is sent to every worker goes on from one to the next, twice as many each "
          "time; there are no more tasks than "
          f"{max(s['tasks'] for s in stages)} in a stage.",),
@@ -125,26 +130,33 @@ def _one_object(here: Row, row: Row) -> Table:
 
 
 def _many_objects(here: Row, row: Row) -> Table:
-    """Objects as tasks: a machine such as this one each."""
-    each = _sum(here, "seconds")
-    moved = here["frame_bytes"] + (1 + len(PASSES)) * here["store_bytes"] + here["result_bytes"]
-    kept = here["store_bytes"] + here["result_bytes"]
+    """Objects as tasks: a machine such as this one each, its cores always busy."""
+    each = _sum(here, "cpu_seconds") / here["cores"]
+    kept = here["frame_bytes"] + here["result_bytes"]
+    shared = kept + (1 + len(PASSES)) * here["store_bytes"]
     cells = []
     for machines in MACHINES:
-        rate = min(machines / each, DISK / moved)
+        all_busy = machines / each
+        rates = [min(all_busy, DISK / moved) for moved in (shared, kept)]
         cells.append([
-            f"{machines:,}", f"{OBJECTS / rate / 3600:,.1f}", f"{machines / each * 3600:,.0f}",
-            f"{machines / each * moved / 1e6:,.0f}", f"{100 * rate * row['empty']:.3f} %",
+            f"{machines:,}", *(f"{OBJECTS / rate / 3600:,.1f}" for rate in rates),
+            *(f"{all_busy * moved / 1e6:,.0f}" for moved in (shared, kept)),
+            f"{100 * all_busy * row['empty']:.1f} %",
         ])  # fmt: skip
+    left = here["result_bytes"] * OBJECTS / 1e12
     return Table(
         f"On paper: {OBJECTS:,} objects of {here['frames']} frames",
-        ["machines", "hours", "objects an hour, but for the disk", "MB/s of the shared disk",
-         "of the scheduler's time"],
+        ["machines", "hours, samples on the shared disk", "hours, samples in memory",
+         "MB/s of the disk, to keep all busy", "samples in memory", "of the scheduler's time"],
         cells,
         (
-            f"An object takes {each:.0f} s on {here['cores']} cores and moves "
-            f"{moved / 1e9:.2f} GB; {kept / 1e9:.2f} GB stay, {kept * OBJECTS / 1e12:.1f} TB of "
-            f"all, {here['result_bytes'] * OBJECTS / 1e12:.1f} TB without samples.",
-            f"A disk of {DISK / 1e6:.0f} MB/s is full at {DISK / moved * each:.0f} machines.",
+            f"An object takes {each * here['cores']:.0f} CPU seconds; a machine has "
+            f"{here['cores']} cores that are always busy.",
+            f"An object moves {shared / 1e9:.2f} GB, or {kept / 1e9:.2f} with its samples in "
+            f"memory. All leave {left:.1f} TB of results, and "
+            f"{here['store_bytes'] * OBJECTS / 1e12:.1f} TB of samples on the disk.",
+            f"A disk of {DISK / 1e6:.0f} MB/s is full at {DISK / shared * each:.0f} machines, or "
+            f"at {DISK / kept * each:.0f} with samples in memory; the scheduler at "
+            f"{each / row['empty']:,.0f}.",
         ),
     )  # fmt: skip

@@ -33,7 +33,7 @@ RUNS = (
 many pixels."""
 THRESHOLD = "compute_svbrdf_luminance_threshold"
 LEAST = f"{THRESHOLD}.minimum_samples"
-FEW, SAMPLES = (12, 24), 4
+FEW, SAMPLES = (12, 16, 20, 24), 4
 """Frames, of full width, with which a texel may have so few samples."""
 
 

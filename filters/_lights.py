@@ -1,11 +1,11 @@
-"""lights.json, and the lights' marks on the environment sphere."""
+"""lights.json, the lights' marks on the environment sphere, and whether to trust them."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from meshlab_svbrdf.document.document import Document
-from meshlab_svbrdf.reflectance.lights import Light
+from meshlab_svbrdf.reflectance.lights import TRUSTED_SAMPLES, Light
 
 from ._sphere import set_environment_layer
 
@@ -53,3 +53,15 @@ def read_lights(document: Document) -> list[Light]:
             )
         )  # fmt: skip
     return lights
+
+
+def doubt(document: Document) -> str:
+    """Why lights that were found are not to be trusted: for want of frames; else nothing."""
+    seen = document.attribute("samples")
+    median = int(np.quantile(seen[seen > 0], 0.5, method="lower")) if seen.any() else 0
+    if median >= TRUSTED_SAMPLES:
+        return ""
+    return (
+        f"a texel is seen by {median} frames, and by fewer than {TRUSTED_SAMPLES} lights may be "
+        "false or degrees off, and gloss with them: take more from all around"
+    )

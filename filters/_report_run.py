@@ -14,6 +14,8 @@ from meshlab_svbrdf.document.freshness import in_words
 from meshlab_svbrdf.presets import chain
 from meshlab_svbrdf.reporting.html import Html, join, note, section, table, tag
 
+from ._lights import doubt
+
 LIBRARIES = (
     "meshlab-svbrdf", "numpy", "scipy", "numba", "opencv-contrib-python-headless", "scikit-image",
     "colour-science", "pymeshlab", "OpenEXR", "pillow", "av", "embreex", "KDEpy", "xatlas",
@@ -70,6 +72,8 @@ def remarks(document: Document) -> list[str]:
             found.append(f"The {in_words(product)} was edited by hand.")
     if not document.held_out:
         found.append("No frame is held out: nothing here was judged by frames it had not seen.")
+    if document.has("lights") and document.json("lights")["lights"] and (why := doubt(document)):
+        found.append(f"Do not trust the lights: {why}.")
     if document.has("material_specular"):
         told = document.json("materials")
         for m in told["materials"]:

@@ -47,18 +47,23 @@ def read_observations(document: Document, *, visibility: bool = True) -> Observa
 
 
 def read_curved_observations(
-    document: Document, *, rays: bool = False
+    document: Document,
+    *,
+    rays: bool = False,
+    adjacency: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> tuple[Observations, np.ndarray]:
     """The samples with the surface's shape, and how fast the normals turn (T,), radians per radius:
     what a joint fit takes.
 
-    rays : also with the mesh to shoot shadow rays at
+    rays : also with the mesh to shoot shadow rays at; adjacency : of the texels, where it is known
     """
     observations = read_observations(document)
     texels, surface = observations.texels, document.held("texels")
     if surface is None:
-        shape = surface_shape(texels.position, texels.normal)
-        surface = _Surface(shape, steepest_turn(shape) * texels.radius, Rays(document.mesh()))
+        shape = surface_shape(texels.position, texels.normal, adjacency)
+        turn = steepest_turn(shape)
+        turn *= texels.radius
+        surface = _Surface(shape, turn, Rays(document.mesh()))
         document.hold("texels", surface)
     held = surface.rays if rays else None
     return replace(observations, shape=surface.shape, rays=held), surface.turn

@@ -10,7 +10,7 @@ from meshlab_svbrdf.progress import Progress
 from meshlab_svbrdf.reflectance.environment import EnvironmentMap
 from meshlab_svbrdf.reflectance.lights import lights_by_median_cut, lights_by_peaks
 
-from ._lights import set_lights
+from ._lights import doubt, set_lights
 
 MOST = 32
 """Lights that are kept: more are noise, and each adds four unknowns to every later fit."""
@@ -18,7 +18,7 @@ MOST = 32
 FILTER = Filter(
     name="compute_svbrdf_light_sources",
     title="SVBRDF: light sources",
-    needs=("texels", "environment"),
+    needs=("texels", "threshold", "environment"),
     writes=("lights",),
     parameters=(
         Parameter(
@@ -80,9 +80,11 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
     set_lights(document, lights, environment.probability)
     if not lights:
         return "no light found: nothing is brighter than the threshold"
+    said = f"{found} found"
     if found > MOST:
-        return (
-            f"{found} found, the strongest {MOST} kept: the map is noise rather than lamps; film "
-            "brighter, or raise level"
+        said += (
+            f", the strongest {MOST} kept: the map is noise rather than lamps; film brighter, or "
+            "raise level"
         )
-    return f"{found} found"
+    why = doubt(document)
+    return f"{said}; do not trust them: {why}" if why else said

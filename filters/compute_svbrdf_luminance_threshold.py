@@ -5,14 +5,16 @@ from __future__ import annotations
 from meshlab_svbrdf.document.document import Document
 from meshlab_svbrdf.filter import Filter, Namespace, Parameter
 from meshlab_svbrdf.progress import Progress
-from meshlab_svbrdf.reflectance.threshold import MINIMUM_SAMPLES, luminance_threshold
+from meshlab_svbrdf.reflectance.threshold import (
+    FEWEST_SAMPLES,
+    MINIMUM_SAMPLES,
+    luminance_threshold,
+)
 
 from ._stages import counted, read_observations, share
 
 FEW = 0.05
 """Share of the texels that are seen too seldom, from which on it is said."""
-LEAST = 4
-"""Samples that a texel may be judged by, if need be (docs/sequences.md)."""
 
 FILTER = Filter(
     name="compute_svbrdf_luminance_threshold",
@@ -57,6 +59,6 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
             f"; {share(few)} were seen, but by fewer than {parameters.minimum_samples} frames well "
             "enough: take more from all around"
         )
-        if parameters.minimum_samples > LEAST:
-            said += f", or be content with fewer (minimum_samples={LEAST})"
+        if parameters.minimum_samples > FEWEST_SAMPLES:
+            said += f", or be content with fewer (minimum_samples={FEWEST_SAMPLES})"
     return said

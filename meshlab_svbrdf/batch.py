@@ -24,13 +24,12 @@ from .batch_page import look_at, summary
 from .document.atomic import replacing
 from .document.document import place
 from .errors import SvbrdfError
+from .exits import BUSY, ERROR, INTERRUPTED, USAGE
 from .spread import Spread
 
 TABLE, RECORD, PAGE = "batch.csv", "batch.json", "batch.html"
 RUN = (sys.executable, "-m", "meshlab_svbrdf.batch_child", "run")
 REPORT = (*RUN[:-1], "report")
-ERROR, USAGE, BUSY, INTERRUPTED = 1, 2, 75, 130
-"""Exit codes of `run`; after any other but 0 another attempt may help."""
 PAUSE = 3.0
 """Seconds before another attempt where another run has the project: that of a dead worker ends."""
 WRITTEN_EVERY = 10.0
@@ -139,9 +138,10 @@ def _child(command: Sequence[str]) -> tuple[int, str, str]:
                 return INTERRUPTED, told, ""
     finally:
         os.close(held)
+    said = _one_line(error) if child.returncode else ""
     if child.returncode < 0:
-        error = f"killed by signal {-child.returncode}; out of memory? {error}"
-    return child.returncode, told, _one_line(error) if child.returncode else ""
+        said = f"killed by signal {-child.returncode}; out of memory? {said}".rstrip()
+    return child.returncode, told, said
 
 
 def _outcomes(told: str) -> dict[str, str]:
@@ -152,10 +152,11 @@ def _outcomes(told: str) -> dict[str, str]:
 
 
 def _one_line(text: str) -> str:
-    """The last error of what was said, else its last line."""
-    lines = [line.strip(" │") for line in text.splitlines() if line.strip(" │─╭╮╰╯")]
-    found = [line for line in lines if line.startswith("Error: ")] or lines
-    return found[-1].removeprefix("Error: ") if found else ""
+    """What was said from its last error on, else its last line."""
+    lines = [line for line in (line.strip(" │─╭╮╰╯") for line in text.splitlines()) if line]
+    errors = [k for k, line in enumerate(lines) if line == "Error" or line.startswith("Error: ")]
+    told = " ".join(lines[errors[-1] :] if errors else lines[-1:])
+    return told.removeprefix("Error").removeprefix(":").lstrip()
 
 
 def _write(folder: Path, options: Sequence[str], results: Sequence[Result]) -> None:
@@ -163,11 +164,13 @@ def _write(folder: Path, options: Sequence[str], results: Sequence[Result]) -> N
     with replacing(folder / RECORD) as temporary:
         temporary.write_text(json.dumps(told, indent=1), encoding="utf-8")
     text = io.StringIO()
+    figures = list(dict.fromkeys(name for r in results for name in r.figures))
     filters = list(dict.fromkeys(name for r in results for name in r.outcomes))
     table = csv.writer(text, lineterminator="\n")
-    table.writerow(["name", "project", "state", "attempts", "seconds", "error", *filters])
+    table.writerow(["name", "project", "state", "attempts", "seconds", "error", *figures, *filters])
     for r in results:
         row = [r.name, r.project, r.state, r.attempts, f"{r.seconds:.1f}", r.error]
+        row += [r.figures.get(name, "") for name in figures]
         table.writerow([*row, *(r.outcomes.get(name, "") for name in filters)])
     with replacing(folder / TABLE) as temporary:
         temporary.write_text(text.getvalue(), encoding="utf-8")

@@ -1,8 +1,4 @@
-"""What the shell's commands do.
-
-Exit codes: 0 done, 1 an error of the input (said without a traceback), 75 another run has the
-project, 130 interrupted.
-"""
+"""What the shell's commands do."""
 
 from __future__ import annotations
 
@@ -30,6 +26,7 @@ from .document.freshness import in_words
 from .document.record import BusyError
 from .document.video_file import video_problem
 from .errors import SvbrdfError
+from .exits import BUSY, ERROR, INTERRUPTED
 from .filter import describe, to_json
 from .kernel_list import listed
 from .kernels import compiling
@@ -48,8 +45,6 @@ NO_MEMORY = (
     "(--set compute_svbrdf_samples.frames=120) or --preset draft, or end other programs; "
     "finished stages are kept"
 )
-BUSY = 75
-"""Exit code where another run has the project: EX_TEMPFAIL of sysexits.h."""
 
 
 def run(
@@ -281,8 +276,8 @@ def _stages(as_json: bool, document: Document | None = None) -> Iterator[tuple[A
 
 @contextmanager
 def _friendly() -> Iterator[None]:
-    """Errors of the input, and lack of memory or of room on the disk, become one message and exit
-    code 1, an interruption 130."""
+    """Errors of the input, and lack of memory or of room on the disk, become one message and an
+    exit code, as an interruption does."""
     log = logging.getLogger("meshlab_svbrdf")
     handler = RichHandler(console=errors, show_time=False, show_path=False, markup=False)
     log.addHandler(handler)
@@ -296,15 +291,15 @@ def _friendly() -> Iterator[None]:
                 "or give another place with -o"
             )
         _say_error(f"{text}; {NO_MEMORY}" if _out_of_memory(error) else text)
-        raise typer.Exit(BUSY if isinstance(error, BusyError) else 1) from None
+        raise typer.Exit(BUSY if isinstance(error, BusyError) else ERROR) from None
     except (MemoryError, RuntimeError, cv2.error) as error:
         if not _out_of_memory(error):
             raise
         _say_error(NO_MEMORY)
-        raise typer.Exit(1) from None
+        raise typer.Exit(ERROR) from None
     except KeyboardInterrupt:
         errors.print("Interrupted; finished stages are kept, the same command goes on from there.")
-        raise typer.Exit(130) from None
+        raise typer.Exit(INTERRUPTED) from None
     finally:
         log.removeHandler(handler)
 

@@ -9,6 +9,10 @@ import typer
 from .batch import PAGE, TABLE, run_batch
 from .batch_list import DONE, LEFT, Result, read_list
 from .commands import _friendly, workers
+from .exits import ERROR, INTERRUPTED
+
+SHOWN = ("frames", "observed", "lights", "materials")
+"""Figures of a project that its line tells; the page has all of them."""
 
 
 def batch(
@@ -25,7 +29,8 @@ def batch(
         width = max(len(entry.name) for entry in entries)
 
         def say(result: Result) -> None:
-            told = result.error or list(result.outcomes.values())[-1]
+            shown = (f"{name} {result.figures[name]}" for name in SHOWN if name in result.figures)
+            told = result.error or "; ".join(shown)
             typer.echo(f"{result.name:{width}}  {result.state:8} {result.seconds:7.1f} s  {told}")
 
         with workers(scheduler, output) as spread:
@@ -40,6 +45,6 @@ def batch(
             + f". {output / PAGE} shows them, {output / TABLE} tells what each stage said."
         )
     if results[-1].state == LEFT:
-        raise typer.Exit(130)
+        raise typer.Exit(INTERRUPTED)
     if bad:
-        raise typer.Exit(1)
+        raise typer.Exit(ERROR)

@@ -47,6 +47,8 @@ from .planning.trial import (
     surface_texels,
 )
 from .presets import TEXTURE_SIZE, with_parameter
+from .reflectance.lights import TRUSTED_SAMPLES
+from .reflectance.threshold import FEWEST_SAMPLES, MINIMUM_SAMPLES
 from .samples.choose_frames import choose_frames
 from .samples.chunks import SampledFrame
 from .script import Step
@@ -58,9 +60,9 @@ PEAKS = "compute_svbrdf_texel_specular.peaks"
 GLOSS = "compute_svbrdf_material_specular.gloss"
 LEAST = "compute_svbrdf_luminance_threshold.minimum_samples"
 COMPARED = "compute_svbrdf_materials.gloss"
-FEW, ENOUGH, FEWEST = 16, 8, 4
-"""Samples of a texel, on average, below which parts of the surface would not have the 8 that are
-asked for; from where on gloss is right with less; what is asked for then (docs/sequences.md)."""
+FEW = 16
+"""Samples of a texel, on average, below which parts of the surface would not have the usual least
+number of them (docs/sequences.md)."""
 TRIED_FRAMES, TRIED_TEXELS, TIMED_TEXELS = 24, 4000, 65536
 
 
@@ -201,7 +203,7 @@ def make_plan(document: Document, steps: list[Step], given: Mapping[str, Any]) -
         _highlights(trial, given),
         _reduction(reduce, found.pixels_per_texel(side), given),
     ]
-    if trial and (ENOUGH <= trial.share * used < FEW or LEAST in given):
+    if trial and (trial.share * used < FEW or LEAST in given):
         decisions.append(_few(trial.share * used, given))
     there = {step.name for step in steps}
     for decision in decisions:
@@ -281,11 +283,18 @@ def _frames(used: int, there: int, said: str, given: Mapping[str, Any]) -> Decis
 def _few(samples: float, given: Mapping[str, Any]) -> Decision:
     """How many samples a texel must have, where it has few."""
     asked = LEAST in given
-    least = int(given[LEAST]) if asked else FEWEST
-    reason = f"a texel is seen by about {samples:.0f} frames; gloss is surer with {FEW} or more"
+    least = FEWEST_SAMPLES if TRUSTED_SAMPLES <= samples < FEW else MINIMUM_SAMPLES
+    reason = f"a texel is seen by about {samples:.0f} frames: "
+    if samples < TRUSTED_SAMPLES:
+        reason += f"below {TRUSTED_SAMPLES} lights and gloss are not to be trusted; take more"
+    elif samples < FEW:
+        reason += f"parts of the surface would not have the usual {MINIMUM_SAMPLES}"
+    else:
+        reason += f"the usual least number is {MINIMUM_SAMPLES}"
     return Decision(
-        "threshold", f"from {least} samples on", reason, {} if asked else {LEAST: str(least)}, asked
-    )
+        "threshold", f"from {given[LEAST] if asked else least} samples on", reason,
+        {} if asked or least == MINIMUM_SAMPLES else {LEAST: str(least)}, asked,
+    )  # fmt: skip
 
 
 def _visibility(mesh: Mesh, steps: list[Step], given: Mapping[str, Any]) -> tuple[Decision, bool]:

@@ -78,6 +78,18 @@ def test_a_run_that_was_killed_is_tried_again(tmp_path, projects):
     assert "killed by signal 9" in dead.error
 
 
+@pytest.mark.parametrize(("said", "told"), [
+    ("a warning\nError: p.mlp: 2 meshes are missing:\n  layer 'a': a.ply\n  layer 'b': b.ply\n",
+     "p.mlp: 2 meshes are missing: layer 'a': a.ply layer 'b': b.ply"),
+    ("╭─ Error ───────╮\n│ No such option │\n│ --frobnicate   │\n╰────────────────╯\n",
+     "No such option --frobnicate"),
+    ("Traceback:\n  File x\nKeyError: 'y'\n", "KeyError: 'y'"),
+    ("", ""),
+])  # fmt: skip
+def test_an_error_is_told_whole_in_a_line(said, told):
+    assert module._one_line(said) == told
+
+
 def test_an_interruption_ends_the_batch(tmp_path, projects):
     found = run_batch(projects("", "130", ""), tmp_path / "out", [])
     assert [r.state for r in found] == [DONE, LEFT]

@@ -35,7 +35,7 @@ def remember(
     """Write the rasters, and the layers of the user's that have a file, to FOLDER/exact.mlp.
 
     Returns what was written and the file's stamp; known : what an earlier call returned, to write
-    nothing where all is as it was.
+    nothing where all that `restore` reads is as it was.
     """
     meshes = [
         MeshEntry(layer.label, layer.path, layer.matrix)
@@ -43,7 +43,7 @@ def remember(
         if not layer.ours and layer.path is not None
     ]
     path = folder / EXACT
-    said: list[Any] = [(mesh.label, mesh.path, mesh.matrix.tobytes()) for mesh in meshes]
+    said: list[Any] = [(mesh.label, mesh.matrix.tobytes()) for mesh in meshes]
     said += map(_said, project.rasters)
     if known != [said, file_stamp(path)]:
         root = ET.Element("MeshLabProject")

@@ -119,11 +119,14 @@ def _lens(entry: dict[str, Any] | None) -> Lens | None:
 
 def video_frames(paths: Iterable[Path]) -> dict[Path, VideoFrame]:
     """Those of the rasters' `paths` that stand for frames of videos."""
-    paths = list(paths)
-    known = {folder: read_videos(folder) for folder in {path.parent for path in paths}}
-    return {
-        path: known[path.parent][path.name] for path in paths if path.name in known[path.parent]
-    }
+    found, known = {}, {}
+    for path in paths:
+        folder, name = os.path.split(path)
+        if folder not in known:
+            known[folder] = read_videos(Path(folder))
+        if name in known[folder]:
+            found[path] = known[folder][name]
+    return found
 
 
 @lru_cache(1 << 14)

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..blocks import blocks, room
+from ..blocks import room
 from ..jit import kernel
+from ..threads import in_pieces
 from .adjacency import neighbours
 from .tangents import tangents
 
@@ -18,10 +19,10 @@ FLATTEST_CELL = 1e-3
 
 
 @kernel
-def _surface_shape(indptr, indices, position, normal, shape):
+def _surface_shape(first, stop, indptr, indices, position, normal, shape):
     """Least squares of n_j − n_i = S (x_j − x_i) over the neighbours, in the tangent plane."""
     n, axes, b, moment = np.empty(3), np.empty((2, 3)), np.empty(3), np.empty((2, 3))
-    for i in range(len(position)):
+    for i in range(first, stop):
         for c in range(3):
             n[c] = normal[i, c]
         (axes[0, 0], axes[0, 1], axes[0, 2], axes[1, 0], axes[1, 1], axes[1, 2]) = tangents(
@@ -55,26 +56,38 @@ def _surface_shape(indptr, indices, position, normal, shape):
                 shape[i, c, d] = u * axes[0, d] + v * axes[1, d]
 
 
-def surface_shape(position: np.ndarray, normal: np.ndarray) -> np.ndarray:
+def surface_shape(
+    position: np.ndarray,
+    normal: np.ndarray,
+    adjacency: tuple[np.ndarray, np.ndarray] | None = None,
+) -> np.ndarray:
     """How the normal turns along the surface: S (T, 3, 3) float32 with δn = S δx, per unit of x.
 
     position, normal : (T, 3), of texels that cover the surface; NaN where neighbours do not tell
+    adjacency : their `neighbours`, where these are known
     """
+    indptr, indices = adjacency or neighbours(position, normal)
+    position, normal = np.ascontiguousarray(position), np.ascontiguousarray(normal)
     shape = room((len(position), 3, 3), np.float32)
-    _surface_shape(
-        *neighbours(position, normal), np.ascontiguousarray(position),
-        np.ascontiguousarray(normal), shape,
-    )  # fmt: skip
+
+    def fit(first: int, stop: int) -> None:
+        _surface_shape(first, stop, indptr, indices, position, normal, shape)
+
+    in_pieces(fit, len(position))
     return shape
 
 
 def steepest_turn(shape: np.ndarray) -> np.ndarray:
     """The largest turn of the normal per unit of x in any direction, (T,); inf where not known."""
-    # Of SᵀS two eigenvalues are not 0: they follow from their sum and that of their squares
-    turn = np.empty(len(shape))
-    for own in blocks(len(shape)):
-        square = np.einsum("tij,tik->tjk", shape[own], shape[own], dtype=np.float64)
+    turn = room(len(shape), np.float64)
+
+    def fill(first: int, stop: int) -> None:
+        # Of SᵀS two eigenvalues are not 0: they follow from their sum and that of their squares
+        own = shape[first:stop].astype(np.float64)
+        square = own.transpose(0, 2, 1) @ own
         trace, squares = np.einsum("tii->t", square), np.einsum("tij,tij->t", square, square)
         largest = (trace + np.sqrt(np.maximum(2 * squares - trace**2, 0))) / 2
-        turn[own] = np.where(np.isfinite(largest), np.sqrt(largest), np.inf)
+        turn[first:stop] = np.where(np.isfinite(largest), np.sqrt(largest), np.inf)
+
+    in_pieces(fill, len(shape))
     return turn

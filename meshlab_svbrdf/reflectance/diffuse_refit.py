@@ -11,6 +11,7 @@ from functools import partial
 
 import numpy as np
 
+from ..blocks import places
 from ..jit import inner, kernel
 from ..power import FAST
 from ..ranks import quantile
@@ -156,16 +157,16 @@ def refitting(
     material : (T,) int32, -1 for none
     gloss : of the M materials; tint : (M, 3), the highlights' colours
     """
-    everywhere = np.arange(len(observations.texels))
+    everywhere = places(np.ones(len(observations.texels), bool))
     bulbs = lamps(
         lights, observations.texels.radius, cast_shadows(observations, everywhere, lights)
     )
-    tint = np.asarray(tint, np.float64)
+    tint, diffuse = np.asarray(tint, np.float64), np.asarray(diffuse, np.float32)
     shape = observations.shape
     shape = np.zeros((0, 3, 3), np.float32) if shape is None else shape
     return partial(
         _block_refit, observations.view, observations.pixel, shape, material, gloss, tint, bulbs,
-        diffuse.astype(np.float32),
+        diffuse,
     )  # fmt: skip
 
 

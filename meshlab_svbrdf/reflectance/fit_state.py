@@ -118,18 +118,16 @@ class FitState:
         self.weight = np.where(samples.clipped, 0, samples.quality).astype(np.float32)
         self.specular = np.zeros(len(samples), np.float32)
         self.residual = np.zeros(len(samples), np.float32)
+        self._lit: np.ndarray | None = None
+        self._lit_by: list[Light] = []
         self._edges_of: list[Light] = []
 
     def light(self, lights: list[Light]) -> None:
-        """Light the texels; those at edges of shadows lose their weight when it is taken anew."""
+        """Light the texels."""
         texels, own = self.samples.texel, self.observations
-        lit = cast_shadows(own, texels, lights)
-        if lit is not None and not alike(lights, self._edges_of):
-            keep = kept(shadow_edges(own, texels, lights, lit), self.samples.material)
-            counts = np.diff(self.samples.offsets)
-            self.quality = np.where(np.repeat(keep, counts), self.samples.quality, np.float32(0))
-            self._edges_of = lights
-        self.lamps = lamps(lights, own.texels.radius, lit)
+        if not alike(lights, self._lit_by):  # else shadows move between their edges alone
+            self._lit, self._lit_by = cast_shadows(own, texels, lights), lights
+        self.lamps = lamps(lights, own.texels.radius, self._lit)
         self.rays, self.gains = light_texels(own.view, texels, self.lamps)
 
     def profiles(self, near: np.ndarray | None = None) -> list[Profile]:
@@ -154,6 +152,8 @@ class FitState:
         )
 
     def reweigh(self, use_clipped: bool) -> np.ndarray:
+        """Weights by residuals, none at edges of shadows; h0 (M,) of the materials."""
+        self._leave_edges_out()
         s = self.samples
         scale = huber_scale(s, self.residual, self.weight, self.materials)
         self.chunks(lambda a, b: _reweigh(
@@ -161,3 +161,11 @@ class FitState:
             scale, use_clipped, self.weight,
         ))  # fmt: skip
         return scale
+
+    def _leave_edges_out(self) -> None:
+        s, lights = self.samples, self._lit_by
+        if self._lit is None or alike(lights, self._edges_of):
+            return
+        keep = kept(shadow_edges(self.observations, s.texel, lights, self._lit), s.material)
+        self.quality = np.where(np.repeat(keep, np.diff(s.offsets)), s.quality, np.float32(0))
+        self._edges_of = lights

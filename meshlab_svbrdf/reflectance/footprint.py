@@ -35,17 +35,19 @@ def _footprints(block, view, pixel, out, noise):
         aa, ab, bb, weight = 0.0, 0.0, 0.0, 0.0
         first, last = block.offsets[i], block.offsets[i + 1] - 1
         n, stride, count = last + 1 - first, max(1, (last + 1 - first) // LOOKED_AT), 0
+        seen, luminance = -1, np.float32(0)
         for j in range(first, last + 1, stride):
             f = block.frame[j]
             vx = view.eyes[f, 0] - view.position[t, 0]
             vy = view.eyes[f, 1] - view.position[t, 1]
             vz = view.eyes[f, 2] - view.position[t, 2]
             length2 = vx * vx + vy * vy + vz * vz
-            scale = 1.0 / np.sqrt(length2)
-            cos = max((vx * nx + vy * ny + vz * nz) * scale, STEEPEST)
+            height = vx * nx + vy * ny + vz * nz
+            if not (height > 0 and height * height > STEEPEST * STEEPEST * length2):
+                height = STEEPEST * np.sqrt(length2)
             # Stretch the pixel by 1/cos towards where the view is tilted
-            a = (vx * ax + vy * ay + vz * az) * scale / cos
-            b = (vx * bx + vy * by + vz * bz) * scale / cos
+            a = (vx * ax + vy * ay + vz * az) / height
+            b = (vx * bx + vy * by + vz * bz) / height
             w = sample_quality(block, j)
             area = w * length2 * pixel[f] * pixel[f]
             aa += area * (1.0 + a * a)
@@ -54,8 +56,9 @@ def _footprints(block, view, pixel, out, noise):
             weight += w
             # Take the noise from neighbours in time: highlights pass slowly
             if j < last:
-                step = sample_luminance(block, view, j + 1) - sample_luminance(block, view, j)
-                steps[count] = abs(step)
+                before = luminance if seen == j else sample_luminance(block, view, j)
+                seen, luminance = j + 1, sample_luminance(block, view, j + 1)
+                steps[count] = abs(luminance - before)
                 count += 1
         if weight > 0.0:
             out[i, 0], out[i, 1], out[i, 2] = aa / weight, ab / weight, bb / weight

@@ -14,16 +14,19 @@ from scipy.spatial import cKDTree
 from skimage.color import xyz2lab
 from skimage.color.colorconv import xyz_from_rgb
 
-from meshlab_svbrdf.blocks import blocks
+from meshlab_svbrdf.blocks import blocks, places, room, taken
 from meshlab_svbrdf.errors import SvbrdfError
 from meshlab_svbrdf.geometry.adjacency import neighbours, thin
 from meshlab_svbrdf.reflectance import regions
+from meshlab_svbrdf.threads import in_pieces
 
 # Shading changes lightness and hardly hue. A fifth of L*, from black to white, is as wide as a
 # region of the default threshold: one material stays whole from its lit side into its shadows.
 LIGHTNESS_WEIGHT = 0.2
 THRESHOLD = 10.0
 MINIMUM_SHARE = 0.005
+MOST = 1_000_000
+"""Texels that regions grow over; of more, an even subset."""
 
 # Generally don't change these: a region of a hundredth of the smallest material is a speck.
 SPECKS = 100
@@ -63,14 +66,18 @@ def color_space(diffuse: np.ndarray, lightness_weight: float = LIGHTNESS_WEIGHT)
     -------
     (T, 3) float32; NaN where any channel of `diffuse` is not finite.
     """
-    observed = np.flatnonzero(np.isfinite(diffuse).all(1))
-    space = np.full((len(diffuse), 3), np.nan, np.float32)
-    for block in blocks(len(observed)):
-        own = observed[block]
+    observed = places(np.isfinite(diffuse).all(1))
+    space = room((len(diffuse), 3), np.float32)
+    space[:] = np.nan
+
+    def convert(first: int, stop: int) -> None:
+        own = observed[first:stop]
         linear = np.maximum(diffuse[own], 0).astype(np.float64) / 100
         lab = xyz2lab(linear @ xyz_from_rgb.T)
         gain = ((MIDDLE + 16) / (np.maximum(lab[:, :1], DARKEST) + 16)) ** (1 - lightness_weight)
         space[own] = np.concatenate([lightness_weight * lab[:, :1], lab[:, 1:] * gain], axis=1)
+
+    in_pieces(convert, len(observed))
     return space
 
 
@@ -152,25 +159,29 @@ def segment_surface(
     normal: np.ndarray,
     diffuse: np.ndarray,
     *,
-    most: int = 1_000_000,
+    adjacency: tuple[np.ndarray, np.ndarray] | None = None,
+    most: int = MOST,
     **options: Any,
 ) -> np.ndarray:
     """`segment` from the texels themselves; above `most` texels on an even subset of the surface.
 
     position : (T, 3) float, finite; normal : (T, 3) float, unit; diffuse : as in `segment`, which
-    also takes the `options`. The texels left out take the label of the nearest one that was kept
-    on their side of the surface. Returns (T,) int32.
+    also takes the `options`; adjacency : of all of them, where it is known. The texels left out
+    take the label of the nearest one that was kept on their side of the surface. Returns (T,)
+    int32.
     """
-    observed = np.flatnonzero(np.isfinite(diffuse).all(1))
-    kept = observed[thin(position[observed], normal[observed], most)]
+    if len(position) <= most:
+        return segment(diffuse, adjacency or neighbours(position, normal), **options)
+    left_out = np.isfinite(diffuse).all(1)
+    observed = places(left_out)
+    kept = observed[thin(taken(position, observed), taken(normal, observed), most)]
     adjacency = neighbours(position[kept], normal[kept])
     labels = np.full(len(diffuse), -1, np.int32)
     labels[kept] = segment(diffuse[kept], adjacency, **options)
 
     # Spread the labels to the texels that were thinned out
-    left = np.setdiff1d(observed, kept, assume_unique=True)
-    if not len(left):
-        return labels
+    left_out[kept] = False
+    left = places(left_out)
     tree = cKDTree(position[kept])
     for block in blocks(len(left)):
         own = left[block]
@@ -212,9 +223,9 @@ def _mixtures(colors, adjacency, labels, piece, means, strip) -> np.ndarray:
     sides = np.full((piece.max() + 1, 2), -1)
     if strip <= 0:
         return sides
-    inside, (indptr, indices) = piece >= 0, adjacency
-    deepest = np.zeros(len(sides), int)
-    np.maximum.at(deepest, piece[inside], regions.depths(indptr, indices, labels)[inside])
+    indptr, indices = adjacency
+    deepest = np.zeros(len(sides), np.int32)
+    regions.depths(indptr, indices, labels, piece, deepest)
     thin_ones = np.flatnonzero((deepest > 0) & (deepest <= strip))
     if not len(thin_ones):
         return sides
@@ -249,10 +260,10 @@ def _unmixed(diffuse, labels, mixed, sides) -> np.ndarray:
 
 def _means(labels: np.ndarray, colors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Mean colours (M, 3) float64 and texel counts (M,) int64 of the labels."""
-    inside = labels >= 0
-    count = np.bincount(labels[inside])
-    sums = [np.bincount(labels[inside], colors[inside, axis]) for axis in range(3)]
-    return np.stack(sums, 1) / np.maximum(count, 1)[:, None], count
+    count = np.zeros(int(labels.max(initial=-1)) + 1, np.int64)
+    sums = np.zeros((len(count), 3))
+    regions.add_colors(colors, labels, sums, count)
+    return sums / np.maximum(count, 1)[:, None], count
 
 
 def _keep_largest(labels: np.ndarray, smallest: float) -> np.ndarray:

@@ -9,19 +9,15 @@ from __future__ import annotations
 import numpy as np
 
 from ..jit import inner, kernel
+from ..threads import in_pieces
 
 
 @kernel
-def smooth(colors, indptr, indices, reach):
-    """Mean of a texel and those neighbours whose colour is nearer than `reach`, and their spread.
-
-    Returns (T, 3) float32 means, which keep edges that are higher than `reach`, and (T,) float32
-    root mean square distance of *all* neighbours from the texel (inf where unobserved).
-    """
-    mean = np.full_like(colors, np.nan)
-    spread = np.full(len(colors), np.inf, np.float32)
-    for i in range(len(colors)):
+def _smooth(first, stop, colors, indptr, indices, reach, mean, spread):
+    for i in range(first, stop):
         if np.isnan(colors[i, 0]):
+            mean[i, 0] = mean[i, 1] = mean[i, 2] = np.nan
+            spread[i] = np.inf
             continue
         sums = colors[i].astype(np.float64)
         near, seen, square = 1, 0, 0.0
@@ -39,6 +35,20 @@ def smooth(colors, indptr, indices, reach):
         for axis in range(3):
             mean[i, axis] = sums[axis] / near
         spread[i] = np.sqrt(square / max(seen, 1))
+
+
+def smooth(
+    colors: np.ndarray, indptr: np.ndarray, indices: np.ndarray, reach: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Mean of a texel and those neighbours whose colour is nearer than `reach`, and their spread.
+
+    Returns (T, 3) float32 means, which keep edges that are higher than `reach`, and (T,) float32
+    root mean square distance of *all* neighbours from the texel (inf where unobserved).
+    """
+    mean, spread = np.empty_like(colors), np.empty(len(colors), np.float32)
+    in_pieces(
+        lambda a, b: _smooth(a, b, colors, indptr, indices, float(reach), mean, spread), len(colors)
+    )
     return mean, spread
 
 
@@ -125,12 +135,21 @@ def fill(colors, indptr, indices, labels, means):
 
 
 @kernel
-def settle(colors, indptr, indices, labels, means):
-    """Labels after every texel took the nearest mean among its own and its neighbours' labels."""
-    settled = labels.copy()
-    for i in range(len(labels)):
+def _settle(first, stop, colors, indptr, indices, labels, means, settled):
+    for i in range(first, stop):
         if labels[i] >= 0:
             settled[i] = _nearest_around(i, colors, indptr, indices, labels, means)
+
+
+def settle(
+    colors: np.ndarray, indptr: np.ndarray, indices: np.ndarray, labels: np.ndarray,
+    means: np.ndarray,
+) -> np.ndarray:  # fmt: skip
+    """Labels after every texel took the nearest mean among its own and its neighbours' labels."""
+    settled = labels.copy()
+    in_pieces(
+        lambda a, b: _settle(a, b, colors, indptr, indices, labels, means, settled), len(labels)
+    )
     return settled
 
 
@@ -160,8 +179,11 @@ def pieces(indptr, indices, labels):
 
 
 @kernel
-def depths(indptr, indices, labels):
-    """Steps to the border with another label: (T,) int32 from 1, 0 where there is no way to one."""
+def depths(indptr, indices, labels, piece, deepest):
+    """Steps to the border with another label: (T,) int32 from 1, 0 where there is no way to one.
+
+    deepest : (P,) becomes the largest of each piece (T,), where that is above what it was
+    """
     depth = np.zeros(len(labels), np.int32)
     queue = np.empty(len(labels), np.int64)
     last = 0
@@ -184,6 +206,9 @@ def depths(indptr, indices, labels):
                 depth[j] = depth[i] + 1
                 queue[last] = j
                 last += 1
+    for i in range(len(labels)):
+        if piece[i] >= 0:
+            deepest[piece[i]] = max(deepest[piece[i]], depth[i])
     return depth
 
 
@@ -197,6 +222,16 @@ def contacts(indptr, indices, labels, piece, counts):
             other = labels[indices[e]]
             if other >= 0 and other != labels[i]:
                 counts[piece[i], other] += 1
+
+
+@kernel
+def add_colors(colors, labels, sums, counts):
+    """Add the colours of each label to sums (M, 3) float64, and their number to counts (M,)."""
+    for i in range(len(labels)):
+        if labels[i] >= 0:
+            counts[labels[i]] += 1
+            for axis in range(3):
+                sums[labels[i], axis] += colors[i, axis]
 
 
 @inner

@@ -20,6 +20,8 @@ from .rows import luminances, read_row
 
 MINIMUM_SAMPLES = 8
 """Texels with fewer samples are unobserved, where nothing else is asked for."""
+FEWEST_SAMPLES = 4
+"""With so few a texel may be judged, where there are not many frames (docs/sequences.md)."""
 
 
 @dataclass(frozen=True)

@@ -9,11 +9,15 @@ from benchmarks.cluster_tables import PASSES, SAMPLES, WORKLOAD
 pytest.importorskip("distributed", reason="needs the extra `cluster`")
 
 
-def row(workers: int, seconds: float, tasks: int = 40) -> dict:
+def row(workers: int, seconds: float, cpu: float = 1.0, tasks: int = 40) -> dict:
     names = (SAMPLES, *PASSES, "compute_svbrdf_visibility")
-    told = {"tasks": tasks, "sent": 50e6, "given": 400, "returned": 2e6} if workers else {}
+    told = (
+        {"tasks": tasks, "sent": 50e6, "given": 400, "returned": 2e6, "task_cpu": 7.0}
+        if workers
+        else {}
+    )
     stages = [
-        {"name": name, "seconds": seconds, "cpu_seconds": 1.0, "workers_cpu": 8.0 * (workers > 0)}
+        {"name": name, "seconds": seconds, "cpu_seconds": cpu, "workers_cpu": 8.0 * (workers > 0)}
         | (told if name != names[-1] else {})
         for name in names
     ]
@@ -31,19 +35,20 @@ def test_bytes_are_those_of_the_arrays():
 
 
 def test_what_is_on_paper_adds_up():
-    rows = [row(0, 10.0), row(2, 4.0)]
-    times, _, one, many = cluster.tables(rows)
+    times, _, one, many = cluster.tables([row(0, 10.0, 40.0), row(2, 4.0)])
     assert [cells[1] for cells in times.cells] == ["50.0", "20.0"]
     assert [cells[-1] for cells in times.cells] == ["yes", "yes"]
-    # One core does all 32 s of work; 10 s here, and 1 s in each of four stages, do not spread
-    assert one.cells[0][1:3] == ["14.0", "32.0"]
-    assert float(one.cells[0][-1]) == pytest.approx(14 + 32 + 4 * 50e6 / 125e6 + 0.064 + 0.16, 0.01)
+    # One core does all 28 s of work; 5 stages of 1 CPU s here do not spread
+    assert one.cells[0][1:3] == ["2.5", "28.0"]
+    assert float(one.cells[0][-1]) == pytest.approx(2.5 + 28 + 4 * 50e6 / 125e6 + 0.224, 0.01)
     # No more cores are of use than there are tasks
-    assert one.cells[2][2] == one.cells[3][2] == "0.8"
-    # 10,000 objects of 50 s; each moves .3 + 4 · .5 + .1 GB, so that 21 machines fill the disk
-    assert [float(cells[1].replace(",", "")) for cells in many.cells[:2]] == [138.9, 13.9]
+    assert one.cells[2][2] == one.cells[3][2] == "0.7"
+    # 10,000 objects of 200 CPU s; each moves .3 + 4 · .5 + .1 GB: the disk is full at 42 machines
+    assert [float(cells[1].replace(",", "")) for cells in many.cells[:2]] == [277.8, 27.8]
     assert many.cells[2][1] == many.cells[3][1] == "6.7"
-    assert "full at 21 machines" in many.notes[1]
+    # With samples in memory .4 GB: 250 machines
+    assert [cells[2] for cells in many.cells[2:]] == ["2.8", "1.1"]
+    assert "full at 42 machines, or at 250 with" in many.notes[2]
 
 
 def test_a_result_that_differs_is_told():

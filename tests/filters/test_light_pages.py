@@ -11,7 +11,9 @@ from totems import (
     GLOSS,
     LIGHTS,
     PEAKS,
+    SAMPLES,
     TEXELS,
+    THRESHOLD,
     VIDEO,
     WALK,
     by_texel,
@@ -24,7 +26,9 @@ from totems import (
 
 from meshlab_svbrdf.document.document import Document
 from meshlab_svbrdf.filters import compute_svbrdf_light_sources
+from meshlab_svbrdf.filters._report_run import remarks
 from meshlab_svbrdf.reflectance.directions import directions
+from meshlab_svbrdf.reflectance.lights import TRUSTED_SAMPLES
 from meshlab_svbrdf.samples.luminance import to_srgb8
 
 GREY = 118
@@ -210,6 +214,24 @@ def test_of_hundreds_of_lights_the_strongest_are_kept_and_it_is_said(
     assert said.startswith("300 found, the strongest 32 kept: the map is noise rather than lamps")
     kept = document.json("lights_found")["lights"]
     np.testing.assert_array_equal([k["direction"] for k in kept], [m.direction for m in many[:32]])
+
+
+@pytest.mark.parametrize(("frames", "trusted"), [(20, False), (0, True)])
+def test_lights_of_too_few_frames_are_not_to_be_trusted(
+    tmp_path_factory, tmp_path, frames, trusted
+):
+    """It is said with the number of frames that see a texel, and the report says it too."""
+    document = copied(tmp_path_factory, WALK, tmp_path)
+    document.apply(SAMPLES, frames=frames)
+    document.apply(THRESHOLD, minimum_samples=3)
+    document.apply(ENVIRONMENT)
+    said = document.apply(LIGHTS).message
+    assert document.json("lights")["lights"]
+    samples = document.attribute("samples")
+    median = int(np.median(samples[samples > 0]))
+    assert (median >= TRUSTED_SAMPLES) == trusted
+    assert (f"do not trust them: a texel is seen by {median} frames" in said) == (not trusted)
+    assert any(text.startswith("Do not trust") for text in remarks(document)) == (not trusted)
 
 
 @pytest.mark.parametrize("side", [4, 1])
