@@ -24,7 +24,7 @@ from .phong import Lamps, cast_shadows, lamps, light_texel
 from .pixel_blur import pixel_blur
 from .rows import luminances, read_row
 
-FELT, LOOKED_AT = 0.02, 16
+FELT, LOOKED_AT = 0.2, 16
 """Blur, of the lobe's own variance, that makes a texel's lobe a blurred one; seen in one sample of
 so many."""
 LEAST_SCALE = 0.3
