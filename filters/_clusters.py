@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from meshlab_svbrdf.document.document import Document
@@ -9,6 +11,7 @@ from meshlab_svbrdf.geometry.adjacency import neighbours
 from meshlab_svbrdf.progress import Progress
 from meshlab_svbrdf.reflectance.gloss_areas import by_gloss
 from meshlab_svbrdf.reflectance.materials import MOST, color_space, segment_surface
+from meshlab_svbrdf.threads import side_by_side
 
 from ._stages import read_curved_observations, read_lights_found
 
@@ -26,16 +29,21 @@ def find_clusters(
     adjacency = None
     if len(texels) <= MOST:  # of more, regions grow over some
         adjacency = neighbours(texels.position, texels.normal)
-    labels = segment_surface(
-        texels.position, texels.normal, diffuse, adjacency=adjacency, threshold=threshold,
-        lightness_weight=lightness_weight, minimum_share=minimum_share, join=join,
+    grow = partial(
+        segment_surface, texels.position, texels.normal, diffuse, adjacency=adjacency,
+        threshold=threshold, lightness_weight=lightness_weight, minimum_share=minimum_share,
+        join=join,
     )  # fmt: skip
-    if not gloss or labels.max(initial=-1) < 0:
+    lights = read_lights_found(document) if gloss else []
+    if not lights:
+        return grow(), "by colour alone: no light was found" if gloss else ""
+    labels, (observations, turn), colors = side_by_side(
+        grow,
+        lambda: read_curved_observations(document, rays=True, adjacency=adjacency),
+        lambda: color_space(diffuse, lightness_weight),
+    )
+    if labels.max(initial=-1) < 0:
         return labels, ""
-    if not (lights := read_lights_found(document)):
-        return labels, "by colour alone: no light was found"
     progress(0.3, "comparing highlights")
-    observations, turn = read_curved_observations(document, rays=True, adjacency=adjacency)
-    colors = color_space(diffuse, lightness_weight)
     glossy = by_gloss(observations, labels, colors, lights, turn, FOLLOWED * threshold)
     return glossy, f"of {labels.max() + 1} by colour"

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from meshlab_svbrdf.blocks import blocks
+from meshlab_svbrdf.blocks import blocks, room, rowwise
 from meshlab_svbrdf.document.document import Document
 from meshlab_svbrdf.geometry.gutters import fill_gutters
 from meshlab_svbrdf.geometry.texels import Texels
 from meshlab_svbrdf.rendering.colors import viridis
 from meshlab_svbrdf.samples.luminance import to_srgb8
+from meshlab_svbrdf.threads import side_by_side
 
 from ._stages import UNOBSERVED_GREY, share
 
@@ -31,15 +32,19 @@ def set_diffuse_maps(document: Document, texels: Texels, diffuse: np.ndarray) ->
 
     What is to be said of texels brighter than a PNG shows, if any.
     """
-    linear = (diffuse / 100).astype(np.float32)
+    linear = rowwise(lambda some: (some / 100).astype(np.float32), diffuse)
     observed = np.asarray(np.isfinite(linear).all(axis=1))
-    document.set_map("diffuse", texels.images(linear))
-    colors = np.full(linear.shape, UNOBSERVED_GREY, np.uint8)
-    for own in blocks(len(linear)):
-        colors[own][observed[own]] = to_srgb8(linear[own][observed[own]])
-    set_texture(document, "diffuse", texels, colors)
-    valid = np.where(observed, np.uint8(255), np.uint8(0))
-    document.set_map("valid", texels.images(valid, np.uint8(0)), kind="png")
+
+    def shown() -> None:
+        colors = room(linear.shape, np.uint8)
+        colors[:] = UNOBSERVED_GREY
+        for own in blocks(len(linear)):
+            colors[own][observed[own]] = to_srgb8(linear[own][observed[own]])
+        set_texture(document, "diffuse", texels, colors)
+        valid = np.where(observed, np.uint8(255), np.uint8(0))
+        document.set_map("valid", texels.images(valid, np.uint8(0)), kind="png")
+
+    side_by_side(shown, lambda: document.set_map("diffuse", texels.images(linear)))
     brighter = np.asarray(linear.max(axis=1) > 1)
     if brighter.sum() <= TOO_BRIGHT * observed.sum():
         return []
@@ -62,7 +67,8 @@ def set_scalar_map(
     low, high = np.quantile(scale[known], [0.01, 0.99]) if known.any() else (0.0, 1.0)
     if high - low < 1e-6 * max(abs(high), 1e-6):
         low, high = low - 0.5, high + 0.5
-    colors = np.full((len(values), 3), UNOBSERVED_GREY, np.uint8)
+    colors = room((len(values), 3), np.uint8)
+    colors[:] = UNOBSERVED_GREY
     for own in blocks(len(values)):
         place = (scale[own] - low) / (high - low)
         colors[own][known[own]] = viridis(place[known[own]])

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from meshlab_svbrdf.blocks import rowwise
 from meshlab_svbrdf.document.document import Document
 from meshlab_svbrdf.document.layers import Layer
 from meshlab_svbrdf.document.mesh_files import MeshFile
@@ -60,14 +61,15 @@ def set_labels(document: Document, texels: Texels, labels: np.ndarray) -> str:
     document.set_attribute("material", labels.astype(np.int32))
     count = int(labels.max(initial=-1)) + 1
     kind, none = (np.uint8, 255) if count <= 255 else (np.uint16, 65535)
-    ids = np.where(labels >= 0, labels, none).astype(kind)
+    ids = rowwise(lambda some: np.where(some >= 0, some, none).astype(kind), labels)
     document.set_map("material", texels.images(ids, none), kind="png")
 
     # Show the clusters in distinct colours
-    used = np.unique(labels[labels >= 0])
-    rank = np.where(labels >= 0, np.searchsorted(used, labels), -1)
-    colors = np.vstack([palette(len(used)), [[60, 60, 60]]]).astype(np.uint8)[rank]
-    set_texture(document, "materials_shown", texels, colors)
+    used = np.flatnonzero(np.bincount(labels[labels >= 0]))
+    colors = np.full((count + 1, 3), 60, np.uint8)  # the last: of no cluster
+    colors[used] = palette(len(used))
+    shown = rowwise(lambda some: colors[some], labels)
+    set_texture(document, "materials_shown", texels, shown)
     layer = document.object_layer()
     mesh = document.mesh()
     local = replace(layer.read().mesh, uv=mesh.uv, texture_index=mesh.texture_index)

@@ -61,7 +61,9 @@ def read_curved_observations(
     texels, surface = observations.texels, document.held("texels")
     if surface is None:
         shape = surface_shape(texels.position, texels.normal, adjacency)
-        surface = _Surface(shape, steepest_turn(shape) * texels.radius, Rays(document.mesh()))
+        turn = steepest_turn(shape)
+        turn *= texels.radius
+        surface = _Surface(shape, turn, Rays(document.mesh()))
         document.hold("texels", surface)
     held = surface.rays if rays else None
     return replace(observations, shape=surface.shape, rays=held), surface.turn

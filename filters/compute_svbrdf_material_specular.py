@@ -16,6 +16,7 @@ from meshlab_svbrdf.reflectance.lights import Light
 from meshlab_svbrdf.reflectance.long_lamps import as_seen
 from meshlab_svbrdf.reflectance.microfacet import NAMES, Microfacets
 from meshlab_svbrdf.reflectance.sharpen import sharpen
+from meshlab_svbrdf.threads import side_by_side
 
 from ._lights import set_lights
 from ._maps import set_diffuse_maps, set_scalar_map
@@ -176,9 +177,15 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
     document.set_attribute("final_diffuse", diffuse)
     document.set_attribute("material_rho_s", rho_s)
     document.set_attribute("material_alpha", alpha)
-    notes = [*notes, *set_diffuse_maps(document, texels, diffuse)]
-    set_scalar_map(document, "rho_s", texels, rho_s, shown="rho_s")
-    set_scalar_map(document, "alpha", texels, alpha, shown="shininess", logarithmic=True)
+    brighter: list[str] = []
+    side_by_side(
+        lambda: brighter.extend(set_diffuse_maps(document, texels, diffuse)),
+        lambda: set_scalar_map(document, "rho_s", texels, rho_s, shown="rho_s"),
+        lambda: set_scalar_map(
+            document, "alpha", texels, alpha, shown="shininess", logarithmic=True
+        ),
+    )
+    notes = [*notes, *brighter]
     if any(microfacets):
         _set_microfacets(document, dense, microfacets)
     set_lights(document, lights, document.image("environment").astype(np.float64), ambient)

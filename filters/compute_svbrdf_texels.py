@@ -13,10 +13,11 @@ from meshlab_svbrdf.filter import Filter, Namespace, Parameter
 from meshlab_svbrdf.geometry.mesh import Mesh
 from meshlab_svbrdf.geometry.normal_maps import apply_normal_map
 from meshlab_svbrdf.geometry.parametrise import parametrise
-from meshlab_svbrdf.geometry.texels import rasterise_texels
+from meshlab_svbrdf.geometry.texels import Texels, rasterise_texels
 from meshlab_svbrdf.geometry.udim import split_tiles
 from meshlab_svbrdf.geometry.uv_checks import check_uv
 from meshlab_svbrdf.progress import Progress
+from meshlab_svbrdf.threads import side_by_side
 
 OVERLAP_MOST = 0.05
 MOST_TEXTURES = 256  # a byte tells a texel's
@@ -99,10 +100,14 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
             "possible: pass parametrise=always for new ones in a single texture"
         )
     sizes = ((size, size),) * count
-    said += _check_charts(mesh, sizes, parameters.allow_overlap)
 
-    progress(0.6, "rasterising the charts")
-    texels = rasterise_texels(mesh, sizes)
+    progress(0.3, "rasterising the charts")
+    texels: Texels
+    odd, texels = side_by_side(
+        lambda: _check_charts(mesh, sizes, parameters.allow_overlap),
+        lambda: rasterise_texels(mesh, sizes),
+    )
+    said += odd
     if len(texels) == 0:
         raise SvbrdfError(
             "no texel lies inside a chart: the texture coordinates are empty or out of range"

@@ -11,7 +11,7 @@ from meshlab_svbrdf.document.layers import Layer
 from meshlab_svbrdf.document.mesh_files import MeshFile
 from meshlab_svbrdf.filter import Filter, Namespace, Parameter
 from meshlab_svbrdf.geometry.harmonics import BANDS
-from meshlab_svbrdf.geometry.visibility import needs_visibility, vertex_visibility
+from meshlab_svbrdf.geometry.visibility import Rays, needs_visibility, vertex_visibility
 from meshlab_svbrdf.progress import Progress
 
 FILTER = Filter(
@@ -42,7 +42,8 @@ FILTER = Filter(
 
 def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
     mesh = document.mesh()
-    needed, blocked = needs_visibility(mesh)
+    rays = Rays(mesh)
+    needed, blocked = needs_visibility(mesh, rays=rays)
     if parameters.mode == "never" or (parameters.mode == "auto" and not needed):
         document.set_array("visibility", np.zeros((0, BANDS**2), np.float32))
         why = (
@@ -52,8 +53,9 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
         )
         return f"skipped: {why}"
     coefficients = vertex_visibility(
-        mesh, parameters.directions, parameters.bands, lambda done: progress(done, "shooting rays")
-    )
+        mesh, parameters.directions, parameters.bands,
+        lambda done: progress(done, "shooting rays"), rays,
+    )  # fmt: skip
     if parameters.bands < BANDS:
         coefficients = np.pad(coefficients, ((0, 0), (0, BANDS**2 - coefficients.shape[1])))
     document.set_array("visibility", coefficients)

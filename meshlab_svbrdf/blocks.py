@@ -1,13 +1,15 @@
 """Long arrays block by block: what is computed from a block may be large, the block is not.
 
-blocks   slices of a long array      room   a long array that need not be in memory
+blocks   slices of a long array      room      a long array that need not be in memory
+rowwise  what is computed from each row      resting   a copy that need not be
+taken    the rows at some places             places    where a mask is true
 """
 
 from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -15,7 +17,8 @@ import numpy as np
 from .errors import SvbrdfError
 
 BLOCK = 1 << 18
-LARGE = 64 << 20  # bytes
+LARGE = int(os.environ.get("MESHLAB_SVBRDF_LARGE", 64 << 20))
+"""Bytes from which on a working array lies in a file."""
 
 
 def blocks(count: int, size: int = BLOCK) -> Iterator[slice]:
@@ -44,3 +47,36 @@ def room(shape: int | tuple[int, ...], kind: Any) -> np.ndarray:
                 f"({error.strerror}): make room on the disk, or set TMPDIR to a folder that has it"
             ) from None
         return np.asarray(np.memmap(file, empty.dtype, "r+", shape=shape))
+
+
+def resting(values: np.ndarray) -> np.ndarray:
+    """The same values; large ones in a temporary file (`room`)."""
+    if values.nbytes < LARGE:
+        return values
+    copy = room(values.shape, values.dtype)
+    copy[...] = values
+    return copy
+
+
+def rowwise(work: Callable[..., np.ndarray], *columns: np.ndarray) -> np.ndarray:
+    """`work` of columns that are as long as one another, which gives a row for each row."""
+    whole = work(*(column[:0] for column in columns))
+    whole = room((len(columns[0]), *whole.shape[1:]), whole.dtype)
+    for own in blocks(len(whole)):
+        whole[own] = work(*(column[own] for column in columns))
+    return whole
+
+
+def taken(values: np.ndarray, *at: np.ndarray) -> np.ndarray:
+    """values[at], which may be long."""
+    return rowwise(lambda *own: values[own], *at)
+
+
+def places(mask: np.ndarray) -> np.ndarray:
+    """np.flatnonzero of a mask (n,) bool, int64, which may be long."""
+    found, count = room(int(np.count_nonzero(mask)), np.int64), 0
+    for own in blocks(len(mask)):
+        here = np.flatnonzero(mask[own])
+        found[count : count + len(here)] = here + own.start
+        count += len(here)
+    return found

@@ -6,7 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from itertools import pairwise
 from threading import local
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from .blocks import BLOCK
 
@@ -27,8 +27,18 @@ def in_pieces(work: Callable[[int, int], Result], count: int) -> list[Result]:
     """`work`(first, stop) on ranges of 0..count, on all cores; the ranges depend on count alone."""
     pieces = max(PIECES, -(-count // BLOCK))
     edges = [count * piece // pieces for piece in range(pieces + 1)]
+    if thread_count() == 1:
+        return [work(first, stop) for first, stop in pairwise(edges)]
     with ThreadPoolExecutor(thread_count()) as pool:
         return list(pool.map(lambda ends: work(*ends), pairwise(edges)))
+
+
+def side_by_side(*works: Callable[[], Any]) -> list[Any]:
+    """What some works give that do not wait for each other; the first one's error, if several."""
+    if thread_count() == 1:
+        return [work() for work in works]
+    with ThreadPoolExecutor(thread_count()) as pool:
+        return list(pool.map(lambda work: work(), works))
 
 
 def quieten_blas() -> None:

@@ -8,6 +8,7 @@ from ..geometry.mesh import Mesh
 
 CHART = (0.325, 0.362)  # of the atlas: six of these fill 70 %, as unwrapped charts do
 CELLS = (1 / 3, 1 / 2)
+TILED = (0.94, 0.94)  # of a UDIM tile: one of these in each of six
 BUMPS = np.array(  # amplitude, then wave vector: what is added to the radius along a direction
     [
         [0.050, 3.0, 1.0, -2.0],
@@ -19,11 +20,11 @@ BUMPS = np.array(  # amplitude, then wave vector: what is added to the radius al
 )
 
 
-def body(triangles: int) -> Mesh:
+def body(triangles: int, tiles: bool = False) -> Mesh:
     """About that many triangles (6 charts of n × n quads), numbers exact in float32.
 
     The charts are the sides of a cube, blown up: vertices on its edges are shared, their texture
-    coordinates are not.
+    coordinates are not. tiles : each chart has a UDIM tile of its own, 1001-1003 and 1011-1013.
     """
     n = max(2, round((triangles / 12) ** 0.5))
     i, j = (grid.ravel() for grid in np.meshgrid(np.arange(n + 1), np.arange(n + 1)))
@@ -40,7 +41,7 @@ def body(triangles: int) -> Mesh:
         corner[:, (axis + 2) % 3] = j
         lattice.append(corner)
         triples.append(faces + side * len(i))
-        uv.append(_chart(side, i / n, j / n)[faces])
+        uv.append(_chart(side, i / n, j / n, tiles)[faces])
     points, shared = np.unique(np.concatenate(lattice), axis=0, return_inverse=True)
     vertices = _surface(points, n).astype(np.float32).astype(np.float64)
     index = shared.reshape(-1)[np.concatenate(triples)].astype(np.int32)
@@ -57,8 +58,9 @@ def _surface(lattice: np.ndarray, n: int) -> np.ndarray:
     return radius[:, None] * direction
 
 
-def _chart(side: int, u: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """Texture coordinates of a side, in the middle of its cell."""
+def _chart(side: int, u: np.ndarray, v: np.ndarray, tiles: bool) -> np.ndarray:
+    """Texture coordinates of a side, in the middle of its cell, or of its tile."""
+    cells, chart = ((1.0, 1.0), TILED) if tiles else (CELLS, CHART)
     cell = np.array([side % 3, side // 3])
-    low = (cell + 0.5) * CELLS - np.array(CHART) / 2
-    return low + np.stack([u, v], -1) * CHART
+    low = (cell + 0.5) * cells - np.array(chart) / 2
+    return low + np.stack([u, v], -1) * chart

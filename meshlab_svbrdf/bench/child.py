@@ -56,7 +56,9 @@ def run_chain(
     with install_recorder("numba:compile") as recorder:
         for name, meter in _stages(document, estimator, preset, settings):
             stages.append({"name": name} | meter)
-            line = f"{name:36} {meter['seconds']:7.1f} s  {meter['said']}"
+            memory = f"{meter['peak'] >> 20} MiB, {meter['own'] >> 20} of them no file's"
+            spent = f"{meter['seconds']:7.1f} s, {meter['cpu_seconds']:.1f} CPU s"
+            line = f"{name:36} {spent}, {memory}  {meter['said']}"
             print(line, file=sys.stderr, flush=True)
     decode.append(decode_frames(document))
     return {

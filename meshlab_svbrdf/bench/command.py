@@ -46,6 +46,11 @@ def bench(
         typer.Option("--huge", help="Only tell how memory, time and disk grow to 16384² texels and "
                      "10 million triangles, from this size and half of it."),
     ] = False,
+    tiles: Annotated[
+        bool,
+        typer.Option("--tiles", help="Only run once on an object with six textures of that size, "
+                     "UDIM tiles, and tell time and memory."),
+    ] = False,
     cold: Annotated[
         bool, typer.Option(help="Also time a first run, which compiles the kernels.")
     ] = True,
@@ -71,8 +76,9 @@ def bench(
 
     from ..errors import SvbrdfError
     from .huge import huge as grow
+    from .huge import shown
     from .measure import Wanted, benchmark
-    from .sheets import huge_sheets, sheets
+    from .sheets import huge_sheets, sheets, shown_sheet
     from .workload import Options, make_workload
 
     options = Options(triangles, width, height, format.value, step=step)
@@ -80,6 +86,10 @@ def bench(
     try:
         if only_make:
             typer.echo(str(make_workload(folder, frames, options).project))
+            return
+        if tiles:
+            told = shown(frames, texture_size, options, folder, estimator, preset, say.print)
+            _print(told, [shown_sheet(told)], json)
             return
         if huge:
             told = grow(frames, texture_size, options, folder, estimator, preset, say.print)

@@ -15,11 +15,14 @@ Figures = dict[str, Any]
 TEXELS = 16384**2
 TRIANGLES = 10_000_000
 SIZE = "compute_svbrdf_texels.texture_size"
+RAYS = "compute_svbrdf_visibility.directions"
 SURFACES = 100_000, 400_000  # triangles
 FACES_SIZE = 256  # of the texture where triangles are counted
 RETURNED = {"MALLOC_MMAP_THRESHOLD_": "1000000"}
 """Arrays that a stage lets go of do not count in the next one's peak (glibc)."""
-DIRECTIONS = 64  # rays a vertex there: their time is a line, their memory the same
+IN_FILES = {"MESHLAB_SVBRDF_LARGE": "1000000"}
+"""Of small runs: what lies in files for a huge object does so for them, too (`blocks.room`)."""
+DIRECTIONS = 64  # rays a vertex: their time is a line, their memory the same
 
 
 def huge(
@@ -41,18 +44,13 @@ def huge(
         runs = []
         for size in (texture_size // 2, texture_size):
             say(f"{frames} frames, {size}×{size}")
-            runs.append(measure(
-                "chain", None, RETURNED, project=str(workload.first(frames)),
-                output=str(place / "run"), estimator=estimator, preset=preset,
-                settings={SIZE: str(size)}, warm=False,
-            ))  # fmt: skip
-            shutil.rmtree(place / "run")
+            runs.append(_run(workload.first(frames), place, size, estimator, preset, IN_FILES))
         surfaces = []
         for count in SURFACES:
             say(f"a surface of {count:,} triangles")
             surfaces.append(measure(
-                "surface", None, RETURNED, folder=str(place), triangles=count, size=FACES_SIZE,
-                directions=DIRECTIONS,
+                "surface", None, RETURNED | IN_FILES, folder=str(place), triangles=count,
+                size=FACES_SIZE, directions=DIRECTIONS,
             ))  # fmt: skip
     finally:
         shutil.rmtree(place, ignore_errors=True)
@@ -61,6 +59,35 @@ def huge(
         "texels": growth(runs[0], runs[1], "texels", TEXELS),
         "triangles": growth(surfaces[0], surfaces[1], "triangles", TRIANGLES),
     }
+
+
+def shown(
+    frames: int, texture_size: int, options: Options, folder: Path | None,
+    estimator: str = "joint", preset: str = "full", say: Callable[[str], None] = lambda line: None,
+) -> Figures:  # fmt: skip
+    """One run on an object with six textures of that size, UDIM tiles; the child's figures."""
+    say(f"making {frames} frames, or what is lacking of them")
+    workload = make_workload(folder, frames, options)
+    place = Path(tempfile.mkdtemp(prefix="huge-", dir=workload.folder))
+    try:
+        say(f"{frames} frames, six tiles of {texture_size}×{texture_size}")
+        project = workload.first(frames, tiles=True)
+        return _run(project, place, texture_size, estimator, preset, {})
+    finally:
+        shutil.rmtree(place, ignore_errors=True)
+
+
+def _run(
+    project: Path, place: Path, size: int, estimator: str, preset: str, where: dict[str, str]
+) -> Figures:
+    """The chain's figures; its results are measured, and taken away. where : of `IN_FILES`"""
+    told = measure(
+        "chain", None, RETURNED | where, project=str(project), output=str(place / "run"),
+        estimator=estimator, preset=preset, settings={SIZE: str(size), RAYS: str(DIRECTIONS)},
+        warm=False,
+    )  # fmt: skip
+    shutil.rmtree(place / "run")
+    return told
 
 
 def growth(small: Figures, large: Figures, size: str, aim: float) -> Figures:

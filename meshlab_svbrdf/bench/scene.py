@@ -42,8 +42,7 @@ class BenchScene:
     """
 
     def __init__(self, triangles: int, noise: float = 1.0, seed: int = 0) -> None:
-        self.mesh: Mesh = body(triangles)
-        self.seed = seed
+        self.triangles, self.seed = triangles, seed
         normal = np.random.default_rng([seed, 1]).standard_normal(NOISE)
         self.noise = (noise * normal).astype(np.float32)
         azimuth, elevation = np.radians(LAMPS[:, :2].T)
@@ -52,6 +51,10 @@ class BenchScene:
         place = direction.T * LAMPS[:, 2:3]
         # What counts is intensity over distance², and 1 at the origin
         self.lamps = np.column_stack([place, LAMPS[:, 3] * LAMPS[:, 2] ** 2])
+
+    @cached_property
+    def mesh(self) -> Mesh:
+        return body(self.triangles)
 
     @property
     def reach(self) -> float:

@@ -194,6 +194,30 @@ def huge_sheets(told: Figures) -> list[Sheet]:
     return [_growth(told[size]) for size in ("texels", "triangles")]
 
 
+def shown_sheet(run: Figures) -> Sheet:
+    """The table of `huge.shown`."""
+    rows = [*run["stages"], {"name": "whole"} | {kind: total(run, kind) for kind in KINDS}]
+    rows[-1] |= {kind: max(stage[kind] for stage in run["stages"]) for kind in ("peak", "own")}
+    cells = [
+        [
+            row["name"], f"{row['peak'] / MIB:.0f}", f"{row['own'] / MIB:.0f}",
+            _s(row["seconds"]), _s(row["cpu_seconds"]),
+        ]
+        for row in rows
+    ]  # fmt: skip
+    return Sheet(
+        f"{run['triangles']:,} triangles, {run['texels']:,} texels in six UDIM tiles, "
+        f"{run['frames']} frames, {run['samples']:,} samples",
+        ["stage", "peak MiB", "no file's", "s", "CPU s"],
+        cells,
+        (
+            "Pages of files count in the peak, but the system takes them back where memory is "
+            "wanted.",
+            f"Results on disk: {run['disk'] / MIB:.0f} MiB.",
+        ),
+    )
+
+
 def _growth(found: Figures) -> Sheet:
     aim, (small, large) = found["aim"], found["sizes"]
     one = found["size"].removesuffix("s")

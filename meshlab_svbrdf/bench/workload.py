@@ -20,6 +20,7 @@ from ..document.video_rasters import add_video
 from ..errors import SvbrdfError
 from ..geometry.camera import Camera
 from ..geometry.texels import Texels, rasterise_texels
+from .body import body
 from .files import SUFFIXES, ahead, write_image, write_video
 from .scene import BenchScene
 from .truth import write_truth, write_views
@@ -61,14 +62,20 @@ class Workload:
         """The project of all frames."""
         return self.first(self.frames)
 
-    def first(self, frames: int) -> Path:
-        """A project of the first frames, written where it is not there yet."""
-        path = self.folder / f"bench_{frames:05d}.mlp"
+    def first(self, frames: int, tiles: bool = False) -> Path:
+        """A project of the first frames, written where it is not there yet.
+
+        tiles : with the object's charts in UDIM tiles
+        """
+        stem = "tiles" if tiles else "bench"
+        path, mesh = self.folder / f"{stem}_{frames:05d}.mlp", self.folder / f"{stem}.ply"
         if frames > self.frames:
             raise ValueError(f"{frames} frames of a workload of {self.frames}")
         if not path.is_file():
+            if tiles and not mesh.is_file():
+                write_ply(mesh, body(self.options.triangles, tiles))
             project = new_project()
-            project.add_mesh("bench", self.folder / "bench.ply")
+            project.add_mesh("bench", mesh)
             for turn, indices in self.turns(frames).items():
                 cameras = {index: self.camera(index) for index in indices}
                 if self.options.format == "h264":
@@ -171,7 +178,6 @@ def make_workload(
         write_ply(place / "bench.ply", scene.mesh)
     if not (place / "ground_truth" / "lights.json").is_file():
         write_truth(place / "ground_truth", scene, workload.texels(options.truth))
-    _ = scene.seen  # once, not once a thread
     if options.format == "h264":
         _write_videos(workload, progress)
     else:
@@ -181,6 +187,8 @@ def make_workload(
 
 def _write_images(workload: Workload, progress: Callable[[int, int], None]) -> None:
     todo = [k for k in range(workload.frames) if not workload.frame_path(k).is_file()]
+    if todo:
+        _ = workload.scene.seen  # once, not once a thread
 
     def make(index: int) -> None:
         quality = workload.options.quality
@@ -193,6 +201,8 @@ def _write_images(workload: Workload, progress: Callable[[int, int], None]) -> N
 def _write_videos(workload: Workload, progress: Callable[[int, int], None]) -> None:
     turns = workload.turns(workload.frames)
     todo = [turn for turn in turns if not workload.video(turn).is_file()]
+    if todo:
+        _ = workload.scene.seen  # once, not once a thread
     for turn in todo:
         write_video(workload.video(turn), ahead(workload.frame, turns[turn]))
         progress(turns[turn][-1] + 1, workload.frames)

@@ -13,12 +13,14 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cache
+from operator import is_not
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from .. import registry
+from ..blocks import rowwise
 from ..errors import DocumentError, SvbrdfError
 from ..filter import Filter
 from ..geometry.camera import Camera
@@ -79,6 +81,8 @@ class Document(Products):
         self.layers = [Layer(m.label, m.path, m.matrix, m.visible, entry=m) for m in project.meshes]
         self.spread: Spread | None = None
         self._told = ""
+        self._numbers: tuple[list[Camera], list[list[Any]]] = [], []
+        self._world: tuple[Mesh, np.ndarray, Mesh] | None = None  # a layer's, and where
         self._remembered: list[Any] | None = None  # what `remember` wrote last
         self._placing: dict[str, Any] | None = None  # rasters that the filter that runs now sets
 
@@ -246,12 +250,16 @@ class Document(Products):
         Raises DocumentError where it has no extent.
         """
         layer = layer or self.object_layer()
-        mesh = self._local_mesh(layer).transformed(layer.matrix)
+        local = self._local_mesh(layer)
+        if self._world and self._world[0] is local and (self._world[1] == layer.matrix).all():
+            return self._world[2]
+        mesh = local.transformed(layer.matrix)
         if not mesh.radius > 0:
             raise DocumentError(
                 f"{self.path.name}: all vertices of the layer {layer.label!r} lie in one place; "
                 "scan or export it again, or choose another layer (--layer)"
             )
+        self._world = local, layer.matrix.copy(), mesh
         return mesh
 
     def set_uv(self, uv: np.ndarray, texture_index: np.ndarray | None = None) -> None:
@@ -270,7 +278,8 @@ class Document(Products):
         mesh = self._given_mesh(layer)
         if self.has_array("uv"):
             index = self.array("uv_texture") if self.has_array("uv_texture") else None
-            mesh = replace(mesh, uv=self.array("uv").astype(np.float64), texture_index=index)
+            uv = rowwise(lambda some: some.astype(np.float64), self.array("uv"))
+            mesh = replace(mesh, uv=uv, texture_index=index)
         return mesh
 
     def _given_mesh(self, layer: Layer) -> Mesh:
@@ -368,11 +377,20 @@ class Document(Products):
         return Freshness(
             self.results,
             self._given_digest,
-            lambda: raster_digest(self.rasters, frames()),
+            lambda: raster_digest(self.rasters, frames(), self._camera_numbers()),
             lambda: _there(frames(), self.rasters),
             self._layer_digest,
             self._raster_digest,
         )
+
+    def _camera_numbers(self) -> list[list[Any]]:
+        """Of all rasters; made anew where a camera is another one."""
+        cameras = [raster.camera for raster in self.rasters]
+        known, numbers = self._numbers
+        if len(known) != len(cameras) or any(map(is_not, known, cameras)):
+            numbers = _camera_numbers(cameras)
+            self._numbers = cameras, numbers
+        return numbers
 
     def _raster_digest(self, label: str) -> str:
         """Of the raster of that label, "" where there is none."""
@@ -446,12 +464,18 @@ def _results_of(project: Project, path: Path) -> Path | None:
     return lent[0] if len(lent) == 1 else None
 
 
-def raster_digest(rasters: list[RasterEntry], frames: Frames | None = None) -> str:
+def raster_digest(
+    rasters: list[RasterEntry],
+    frames: Frames | None = None,
+    numbers: list[list[Any]] | None = None,
+) -> str:
     """SHA-256 of cameras, exposures, sequences and of the files' names, sizes and dates.
 
     Of a frame of a video, the video's file counts, and the frame's time.
     A sequence counts by its members: its name, a folder's, depends on where the project lies. Files
     that are missing count as such. `frames` : of these rasters or more, to look nothing up again.
+
+    numbers : of their cameras, where they are known
     """
     if not rasters:
         raise DocumentError(
@@ -459,7 +483,7 @@ def raster_digest(rasters: list[RasterEntry], frames: Frames | None = None) -> s
         )
     frames = frames or Frames(rasters)
     sequences = list(dict.fromkeys(raster.sequence for raster in rasters))
-    numbers = _camera_numbers([raster.camera for raster in rasters])
+    numbers = numbers or _camera_numbers([raster.camera for raster in rasters])
     return digest(
         [
             [

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..blocks import blocks
 from ..geometry.mesh import Mesh
 from .mesh_files import MeshFile, read_mesh, write_ply
 from .project import MeshEntry
@@ -161,5 +162,8 @@ def mesh_digest(mesh: Mesh, matrix: np.ndarray) -> str:
         (mesh.vertices, np.float64), (mesh.faces, np.int32), (mesh.normals, np.float64),
         (mesh.uv, np.float32), (texture, np.int32), (matrix, np.float64),
     ):  # fmt: skip
-        sha.update(b"|" if array is None else np.ascontiguousarray(array, kind).tobytes() + b"|")
+        if array is not None:
+            for own in blocks(len(array)):
+                sha.update(np.ascontiguousarray(array[own], kind).data)
+        sha.update(b"|")
     return sha.hexdigest()

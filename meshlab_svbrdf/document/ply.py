@@ -5,12 +5,13 @@ from __future__ import annotations
 import logging
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from ..blocks import blocks, resting, room, rowwise
 from ..errors import DocumentError
 from ..geometry.mesh import Mesh
 from .atomic import replacing
@@ -26,6 +27,8 @@ ATTRIBUTE_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,99}")
 PLY_TYPES = {"u1": "uchar", "i4": "int", "f4": "float", "f8": "double"}
 SELECTED = 0x20
 """The bit of a face's flags, as MeshLab writes them, that says it is selected."""
+ROWS = 1 << 14
+"""Of a file, written at once."""
 FAR = 64  # radii from the origin: from there on float32 positions lose what fine texels need
 
 
@@ -72,6 +75,10 @@ def read_ply(path: Path) -> MeshFile:
     )
 
 
+Column = tuple[str, Any, np.ndarray]
+"""Name, kind and values of a property."""
+
+
 def write_ply(
     path: str | Path,
     mesh: Mesh | np.ndarray,
@@ -109,7 +116,7 @@ def write_ply(
     position_type = np.float64 if far else dtype
 
     # Collect the vertices' columns
-    columns: list[tuple[str, Any, np.ndarray]] = [
+    columns: list[Column] = [
         (name, position_type, mesh.vertices[:, i]) for i, name in enumerate(XYZ)
     ]
     if mesh.normals is not None:
@@ -124,7 +131,7 @@ def write_ply(
         columns.append((name, dtype, np.asarray(values)))
 
     # Give every face its corners, texture coordinates and texture
-    faces: list[tuple[str, Any, np.ndarray]] = [
+    faces: list[Column] = [
         ("vertex_indices", (np.int32, (3,)), mesh.faces),
     ]
     if mesh.uv is not None:
@@ -135,16 +142,14 @@ def write_ply(
     folder = Path(os.path.abspath(path)).parent
     header = ["ply", "format binary_little_endian 1.0"]
     header += [f"comment TextureFile {_texture_name(file, folder)}" for file in files]
+    elements = (("vertex", columns, len(mesh.vertices)), ("face", faces, len(mesh.faces)))
     with replacing(path) as temporary, temporary.open("wb") as stream:
-        tables = {
-            "vertex": _table(columns, len(mesh.vertices)),
-            "face": _table(faces, len(mesh.faces)),
-        }
-        for name, table in tables.items():
-            header += [f"element {name} {len(table)}", *_properties(table.dtype)]
+        for name, own, count in elements:
+            header += [f"element {name} {count}", *_properties(_row(own, count))]
         stream.write("\n".join([*header, "end_header", ""]).encode("utf-8"))
-        for table in tables.values():
-            stream.write(table.data)  # tofile does not notice that the disk is full
+        for _, own, count in elements:
+            for rows in _rows(own, count):
+                stream.write(rows.data)  # tofile does not notice that the disk is full
 
 
 def _read_faces(
@@ -161,7 +166,7 @@ def _read_faces(
     if not isinstance(corners, Lists):
         raise DocumentError(f"{path}: its vertex_indices are not lists")
     polygon, triangle = fan(corners.counts, path)
-    faces = _integers(corners.values, f"{path}: vertex_indices")[triangle]
+    faces = resting(_integers(corners.values, f"{path}: vertex_indices")[triangle])
     texture = columns.get("texnumber")
     index = None if texture is None else _integers(texture, f"{path}: texnumber")[polygon]
     texcoord = columns.get("texcoord")
@@ -176,11 +181,12 @@ def _read_faces(
             f"{path}: face {face} has {corners.counts[face]} corners and {texcoord.counts[face]} "
             "texture coordinates, expected two a corner"
         )
-    flat = np.zeros((len(corners.values), 2))
+    flat = room((len(corners.values), 2), np.float64)
+    flat[:] = 0
     flat[np.repeat(has, corners.counts)] = texcoord.values.reshape(-1, 2)
     if not has.all():
         index = np.where(has[polygon], 0 if index is None else index, -1).astype(np.int32)
-    return faces, flat[triangle], index, polygon
+    return faces, rowwise(lambda some: flat[some], triangle), index, polygon
 
 
 def _face_color(element: Element, polygon: np.ndarray, path: Path) -> np.ndarray | None:
@@ -245,8 +251,8 @@ def _rgba(color: np.ndarray) -> np.ndarray:
     return np.concatenate([color, opaque], axis=1)
 
 
-def _table(columns: list[tuple[str, Any, np.ndarray]], count: int) -> np.ndarray:
-    """Columns side by side as one structured array; lists get their length in front."""
+def _row(columns: list[Column], count: int) -> np.dtype:
+    """A row's type: the columns side by side, before a list its length."""
     fields: list[tuple] = []
     for name, kind, values in columns:
         shape = np.dtype(kind).shape
@@ -254,16 +260,24 @@ def _table(columns: list[tuple[str, Any, np.ndarray]], count: int) -> np.ndarray
             raise ValueError(f"{name}: expected shape {(count, *shape)}, found {np.shape(values)}")
         length = [(f"{name}\nlength", "u1")] if shape else []
         fields += [*length, (name, np.dtype(kind).base.newbyteorder("<"), shape)]
-    table = np.empty(count, fields)
-    for name, kind, values in columns:
-        try:
-            with np.errstate(over="raise"):
-                table[name] = values
-        except FloatingPointError as error:
-            raise ValueError(f"{name}: values exceed float32; pass dtype=np.float64") from error
-        if np.dtype(kind).shape:
-            table[f"{name}\nlength"] = np.dtype(kind).shape[0]
-    return table
+    return np.dtype(fields)
+
+
+def _rows(columns: list[Column], count: int) -> Iterator[np.ndarray]:
+    """The rows, some at a time: what is written fits into the cache."""
+    row = _row(columns, count)
+    table = np.empty(min(ROWS, count), row)
+    for own in blocks(count, ROWS):
+        rows = table[: own.stop - own.start]
+        for name, kind, values in columns:
+            try:
+                with np.errstate(over="raise"):
+                    rows[name] = values[own]
+            except FloatingPointError as error:
+                raise ValueError(f"{name}: values exceed float32; pass dtype=np.float64") from error
+            if np.dtype(kind).shape:
+                rows[f"{name}\nlength"] = np.dtype(kind).shape[0]
+        yield rows
 
 
 def _properties(row: np.dtype) -> list[str]:

@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..blocks import room
 from ..errors import DocumentError
 
 TYPES = {
@@ -205,4 +206,6 @@ def _gather(data: np.ndarray, starts: np.ndarray, type_: str) -> np.ndarray:
 
 def _native(column: np.ndarray) -> np.ndarray:
     """A contiguous copy in the machine's byte order: nothing keeps the file's bytes alive."""
-    return np.array(column, column.dtype.newbyteorder("="), order="C")
+    copy = room(column.shape, column.dtype.newbyteorder("="))
+    copy[...] = column
+    return copy

@@ -13,12 +13,15 @@ from scipy.sparse.csgraph import connected_components
 from ..blocks import blocks, room
 from ..jit import kernel
 from ..threads import in_pieces
-from .nearest import nearest, tree_of
+from .nearest import nearest, nearest_to
 
 # Generally don't change these: a square grid has its diagonal at 1.4 spacings and a seam between
 # two charts puts a texel at most about 2 away; k = 8 is a square's ring.
 NEIGHBOURS = 8
 REACH = 2.5
+
+MERGED = 1 << 22
+"""Keys among which each one's first is sought at once."""
 
 # A texel far from all others must not call its loneliness the local spacing.
 COARSEST_CHART = 8.0
@@ -62,8 +65,7 @@ def spacing(position: np.ndarray) -> float:
     if k < 1:
         return 0.0
     asked = position[:: 1 + len(position) // 20000]
-    distance, _ = tree_of(position).query(asked, k=[k + 1], workers=-1)
-    return float(np.median(distance))
+    return float(np.median(nearest_to(asked, position, k + 1)[0][:, -1]))
 
 
 def components(indptr: np.ndarray, indices: np.ndarray, keep: np.ndarray) -> np.ndarray:
@@ -87,7 +89,7 @@ def thin(position: np.ndarray, normal: np.ndarray, count: int) -> np.ndarray:
     if len(position) <= count:
         return np.arange(len(position))
     low, high = position.min(0), position.max(0)
-    key = np.empty(len(position), np.int64)
+    key = room(len(position), np.int64)
 
     def keys(cell: float) -> np.ndarray:
         extent = np.floor((high - low) / cell).astype(np.int64) + 1
@@ -100,8 +102,27 @@ def thin(position: np.ndarray, normal: np.ndarray, count: int) -> np.ndarray:
     # Occupied cells go with the inverse square of their size
     cell = spacing(position) * np.sqrt(len(position) / count)
     for _ in range(3):
-        cell *= np.sqrt(len(np.unique(keys(cell))) / count)
-    return np.sort(np.unique(keys(cell), return_index=True)[1])
+        cell *= np.sqrt(_different(keys(cell)) / count)
+    return np.sort(_first(keys(cell)))
+
+
+def _different(key: np.ndarray) -> int:
+    """How many keys (T,) there are."""
+    known = np.empty(0, np.int64)
+    for own in blocks(len(key), MERGED):
+        known = np.unique(np.concatenate([known, key[own]]))
+    return len(known)
+
+
+def _first(key: np.ndarray) -> np.ndarray:
+    """Where each key (T,) comes first, by rising keys."""
+    known, first = np.empty(0, np.int64), np.empty(0, np.int64)
+    for own in blocks(len(key), MERGED):
+        all_of = np.concatenate([known, key[own]])
+        where = np.concatenate([first, np.arange(own.start, own.stop)])
+        known, found = np.unique(all_of, return_index=True)
+        first = where[found]
+    return first
 
 
 def _local_spacing(distance: np.ndarray) -> np.ndarray:
@@ -114,14 +135,17 @@ def _symmetrise(
     distance: np.ndarray, index: np.ndarray, limit: np.ndarray, normal: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Every texel's own neighbours, and the mirror of an edge that the other end did not find."""
-    touches, edge = np.zeros(index.shape, np.bool_), np.zeros(index.shape, np.uint8)
+    touches, edge = room(index.shape, np.bool_), room(index.shape, np.uint8)
     in_pieces(lambda a, b: _touch(a, b, distance, index, limit, normal, touches), len(index))
     in_pieces(lambda a, b: _match(a, b, index, touches, edge), len(index))
-    counts = np.zeros(len(index), np.int64)
-    _enter(index, edge, counts, np.empty(0, np.int32))
-    indptr = np.concatenate([[0], np.cumsum(counts)])
+    cursor, indptr = room(len(index), np.int64), room(len(index) + 1, np.int64)
+    cursor[:] = 0
+    _enter(index, edge, cursor, np.empty(0, np.int32))
+    indptr[0] = 0
+    np.cumsum(cursor, out=indptr[1:])
     indices = room(int(indptr[-1]), np.int32)
-    _enter(index, edge, indptr[:-1].copy(), indices)
+    cursor[:] = indptr[:-1]
+    _enter(index, edge, cursor, indices)
     return indptr, indices
 
 
@@ -130,6 +154,7 @@ def _touch(first, stop, distance, index, limit, normal, touches):
     for i in range(first, stop):
         for c in range(index.shape[1]):
             j = index[i, c]
+            touches[i, c] = False
             if j != i and distance[i, c] <= limit[i]:
                 facing = 0.0
                 for axis in range(3):
@@ -142,6 +167,7 @@ def _match(first, stop, index, touches, edge):
     """2 where the other end found the edge too, 1 where it did not, 0 where there is none."""
     for i in range(first, stop):
         for c in range(index.shape[1]):
+            edge[i, c] = 0
             if not touches[i, c]:
                 continue
             j, mutual = index[i, c], False

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..blocks import blocks
+from ..blocks import BLOCK, blocks
 from ..jit import kernel
 
 GROUP = 64
@@ -36,9 +36,18 @@ def group(position: np.ndarray, normal: np.ndarray, cut: float) -> Groups:
     position, normal : (N, 3) float; a normal of zero sees nothing
     cut : the least cosine between a normal and the direction to the eye that counts as seeing it
     """
+    count = -(-len(position) // GROUP)
+    groups = Groups(*(np.zeros((count, *axes)) for axes in ((3,), (), (3,), (), ())))
+    for own in blocks(count, BLOCK // GROUP):
+        points = slice(own.start * GROUP, own.stop * GROUP)
+        for whole, part in zip(groups, _bound(position[points], normal[points], cut), strict=True):
+            whole[own] = part
+    return groups
+
+
+def _bound(position: np.ndarray, normal: np.ndarray, cut: float) -> Groups:
+    """`group` of a block."""
     first = np.arange(0, len(position), GROUP)
-    if not len(first):
-        return Groups(np.zeros((0, 3)), np.zeros(0), np.zeros((0, 3)), np.zeros(0), np.zeros(0))
     of = np.arange(len(position)) // GROUP
     low, high = (f.reduceat(position, first).astype(float) for f in (np.minimum, np.maximum))
     center = (low + high) / 2

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
-from ..blocks import blocks, room
+from ..blocks import blocks, places, resting, room, taken
 from ..jit import kernel
 from ..threads import in_pieces
 
@@ -20,6 +20,8 @@ ASKED = 5000
 CROWDED = 400
 """Points in the cells around one, from which on the tree is asked."""
 MOST_CELLS = 2**62
+PLANTED = 1 << 22
+"""Points of a tree at most: of more, several are asked one after the other."""
 
 
 def tree_of(position: np.ndarray) -> cKDTree:
@@ -27,22 +29,43 @@ def tree_of(position: np.ndarray) -> cKDTree:
     return cKDTree(position, balanced_tree=False, compact_nodes=False)
 
 
+def nearest_to(asked: np.ndarray, position: np.ndarray, k: int) -> tuple[np.ndarray, np.ndarray]:
+    """The k nearest of the points (T, 3) to each asked (n, 3), by rising distance; k ≤ T.
+
+    Returns distances (n, k) float and indices (n, k).
+    """
+    far: np.ndarray = np.empty((len(asked), 0))
+    those: np.ndarray = np.empty((len(asked), 0), np.int64)
+    for own in blocks(len(position), PLANTED):
+        away, index = tree_of(position[own]).query(asked, k=np.arange(1, k + 1), workers=-1)
+        far, those = np.hstack([far, away]), np.hstack([those, index + own.start])
+        if far.shape[1] > k:
+            order = np.argsort(far, axis=1, kind="stable")[:, :k]
+            far, those = (np.take_along_axis(each, order, 1) for each in (far, those))
+    return far, those
+
+
 def nearest(position: np.ndarray, k: int) -> tuple[np.ndarray, np.ndarray]:
     """The k nearest of each point (T, 3), itself among them, by rising distance; k ≤ T.
 
     Returns distances (T, k) float32 and indices (T, k) int32.
     """
-    tree = tree_of(position)
     distance, index = room((len(position), k), np.float32), room((len(position), k), np.int32)
     some = position[:: 1 + len(position) // ASKED]
-    wide = WIDE * float(np.median(tree.query(some, k=[min(5, len(position))])[0]))
+    tree = tree_of(position) if len(position) <= PLANTED else None
+
+    def ask(asked: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+        if tree is None:
+            return nearest_to(asked, position, count)
+        return tree.query(asked, k=np.arange(1, count + 1), workers=-1)
+
+    wide = WIDE * float(np.median(ask(some, min(5, len(position)))[0][:, -1]))
     unsure = np.ones(len(position), bool)
     if wide > 0:
         _from_grid(position, wide, distance, index, unsure)
     left = np.flatnonzero(unsure)
     if len(left):
-        far, those = tree.query(position[left], k=np.arange(1, k + 1), workers=-1)
-        distance[left], index[left] = far, those
+        distance[left], index[left] = ask(position[left], k)
     return distance, index
 
 
@@ -58,9 +81,10 @@ def _from_grid(
     for own in blocks(len(position)):
         x, y, z = (np.floor((position[own] - low) / wide) + 1).astype(np.int64).T
         key[own] = (x * rows + y) * columns + z
-    order = np.argsort(key, kind="stable")
-    cells, starts = np.unique(key[order], return_index=True)
-    starts = np.append(starts, len(order))
+    order = resting(np.argsort(key, kind="stable"))
+    key = taken(key, order)
+    starts = 1 + places(np.append(key[1:] != key[:-1], True))
+    cells, starts = key[starts - 1], np.append(0, starts)
     around = np.array([(i * rows + j) * columns for i in (0, -1, 1) for j in (0, -1, 1)])
     points = room((len(position), 3), np.float64)
     for own in blocks(len(position)):

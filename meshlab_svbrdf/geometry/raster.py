@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..blocks import blocks, rowwise
 from ..jit import inner, kernel
 from .camera import Camera
 from .groups import GROUP, Groups, faces_away, group, walk
@@ -298,23 +299,31 @@ class DepthMaps:
     """
 
     def __init__(self, vertices: np.ndarray, faces: np.ndarray, front: int) -> None:
-        faces = faces[np.isfinite(vertices[faces]).all((1, 2))]
+        faces = faces[np.isfinite(vertices).all(1)[faces].all(1)]
         if len(faces):
-            faces = faces[walk(vertices[faces].mean(1))]
+            faces = faces[walk(rowwise(lambda some: vertices[some].mean(1), faces))]
         # Number the vertices as the faces come to them
-        used, first, number = np.unique(faces, return_index=True, return_inverse=True)
-        order = np.argsort(first)
-        rank = np.empty(len(order), np.int32)
-        rank[order] = np.arange(len(order), dtype=np.int32)
-        self._faces = rank[number.reshape(-1, 3)]
-        self._vertices = np.ascontiguousarray(vertices[used[order]].T)
+        corners = faces.reshape(-1)
+        first = np.full(len(vertices), len(corners))
+        for own in reversed(list(blocks(len(corners)))):
+            first[corners[own][::-1]] = np.arange(own.start, own.stop)[::-1]
+        order = np.argsort(first, kind="stable")
+        number = np.empty(len(order), np.int32)
+        number[order] = np.arange(len(order), dtype=np.int32)
+        self._faces = number[faces]
+        used = np.count_nonzero(first < len(corners))
+        self._vertices = np.ascontiguousarray(vertices[order[:used]].T)
         self._front, self._groups = front, _UNGROUPED
         if front:
-            a, b, c = (vertices[faces[:, corner]] for corner in range(3))
-            normal = -front * np.cross(b - a, c - a)
-            length = np.linalg.norm(normal, axis=1, keepdims=True)
-            normal = np.divide(normal, length, out=np.zeros_like(normal), where=length > 0)
-            self._groups = group((a + b + c) / 3, normal, 0.0)
+
+            def facing(corners: np.ndarray) -> np.ndarray:
+                a, b, c = np.moveaxis(corners, 1, 0)
+                normal = -front * np.cross(b - a, c - a)
+                length = np.linalg.norm(normal, axis=1, keepdims=True)
+                return np.divide(normal, length, out=np.zeros_like(normal), where=length > 0)
+
+            middle = rowwise(lambda some: vertices[some].sum(1) / 3, faces)
+            self._groups = group(middle, rowwise(lambda some: facing(vertices[some]), faces), 0.0)
 
     def of(self, camera: Camera) -> np.ndarray:
         """1/z at each pixel centre, (H, W) float32; 0 where nothing is seen."""

@@ -79,7 +79,7 @@ def surface_shape(
 
 def steepest_turn(shape: np.ndarray) -> np.ndarray:
     """The largest turn of the normal per unit of x in any direction, (T,); inf where not known."""
-    turn = np.empty(len(shape))
+    turn = room(len(shape), np.float64)
 
     def fill(first: int, stop: int) -> None:
         # Of SᵀS two eigenvalues are not 0: they follow from their sum and that of their squares

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..blocks import blocks, room
+from ..blocks import blocks, places, room, taken
 from ..jit import kernel
 from .groups import walk
 from .mesh import Mesh
@@ -59,20 +59,23 @@ class Texels:
         """The same, one image after the other."""
         for index, size in enumerate(self.sizes):
             image = np.full((*size, *values.shape[1:]), fill, values.dtype)
-            here = np.flatnonzero(self.texture == index) if len(self.sizes) > 1 else slice(None)
-            image[self.row[here], self.col[here]] = values[here]
+            here = places(self.texture == index) if len(self.sizes) > 1 else np.arange(len(self))
+            for block in blocks(len(here)):
+                own = here[block]
+                image[self.row[own], self.col[own]] = values[own]
             yield image
 
 
 @kernel
 def _cover(corners, faces, owner, barycentric):
-    """Give each pixel centre to the first face over it; `corners` in pixels, (F, 3, 2) float64."""
+    """Give each pixel centre to the first face over it; `corners` in pixels, (n, 3, 2) float64, of
+    the faces (n,)."""
     height, width = owner.shape
     for k in range(len(faces)):
         f = faces[k]
         ax, ay, bx, by, cx, cy = (
-            corners[f, 0, 0], corners[f, 0, 1], corners[f, 1, 0],
-            corners[f, 1, 1], corners[f, 2, 0], corners[f, 2, 1],
+            corners[k, 0, 0], corners[k, 0, 1], corners[k, 1, 0],
+            corners[k, 1, 1], corners[k, 2, 0], corners[k, 2, 1],
         )  # fmt: skip
         area = (bx - ax) * (cy - ay) - (cx - ax) * (by - ay)
         if not abs(area) > 0.0:
@@ -112,45 +115,39 @@ def rasterise_texels(mesh: Mesh, sizes: tuple[tuple[int, int], ...]) -> Texels:
     )
     parts = []
     for index, (height, width) in enumerate(sizes):
-        corners = np.stack(
-            [mesh.uv[..., 0] * width - 0.5, (1 - mesh.uv[..., 1]) * height - 0.5], -1
-        )
         owner, barycentric = room((height, width), np.int32), room((height, width, 3), np.float32)
         owner[:] = -1
-        usable = np.flatnonzero((texture_index == index) & np.isfinite(corners).all((1, 2)))
-        _cover(np.ascontiguousarray(corners), usable, owner, barycentric)
+        here = np.flatnonzero(texture_index == index)
+        for block in blocks(len(here)):
+            own = here[block]
+            uv = mesh.uv[own]
+            corners = np.stack([uv[..., 0] * width - 0.5, (1 - uv[..., 1]) * height - 0.5], -1)
+            finite = np.isfinite(corners).all((1, 2))
+            _cover(corners[finite], own[finite], owner, barycentric)
         row, col = np.nonzero(owner >= 0)
         row, col = row.astype(np.int32), col.astype(np.int32)
         parts.append([
-            _taken(owner, row, col), _taken(barycentric, row, col),
+            taken(owner, row, col), taken(barycentric, row, col),
             np.full(len(row), index, np.uint8), row, col,
         ])  # fmt: skip
         del owner, barycentric, row, col
     face, barycentric, texture, row, col = (_joined(parts) for _ in range(5))
 
     center = mesh.center
-    places = (mesh.vertices - center).astype(np.float32)
+    vertices = (mesh.vertices - center).astype(np.float32)
     directions = mesh.vertex_normals().astype(np.float32)
     position, normal = (room((len(face), 3), np.float32) for _ in range(2))
-    for own in blocks(len(face)):
-        corners = mesh.faces[face[own]]
-        position[own] = np.einsum("tc,tcd->td", barycentric[own], places[corners])
-        normal[own] = np.einsum("tc,tcd->td", barycentric[own], directions[corners])
+    for block in blocks(len(face)):
+        corners = mesh.faces[face[block]]
+        position[block] = np.einsum("tc,tcd->td", barycentric[block], vertices[corners])
+        normal[block] = np.einsum("tc,tcd->td", barycentric[block], directions[corners])
     _unit_or_face(normal, mesh, face)
     order = walk(position) if len(face) else np.arange(0)
     return Texels(
-        _taken(position, order), _taken(normal, order), _taken(face, order),
-        _taken(barycentric, order), _taken(texture, order), _taken(row, order),
-        _taken(col, order), center, mesh.radius, tuple(sizes),
+        taken(position, order), taken(normal, order), taken(face, order),
+        taken(barycentric, order), taken(texture, order), taken(row, order),
+        taken(col, order), center, mesh.radius, tuple(sizes),
     )  # fmt: skip
-
-
-def _taken(values: np.ndarray, *places: np.ndarray) -> np.ndarray:
-    """values[places], which may be long."""
-    found = room((len(places[0]), *values.shape[len(places) :]), values.dtype)
-    for own in blocks(len(found)):
-        found[own] = values[tuple(place[own] for place in places)]
-    return found
 
 
 def _joined(parts: list[list[np.ndarray]]) -> np.ndarray:

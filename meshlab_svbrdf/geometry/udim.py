@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..blocks import blocks, room
 from .mesh import Mesh
 
 FIRST = 1001
@@ -32,14 +33,17 @@ def split_tiles(mesh: Mesh) -> tuple[Mesh, np.ndarray] | None:
     count, index = len(mesh.faces), mesh.texture_index
     index = np.zeros(count, np.int32) if index is None else index
     has = (index >= 0) & np.isfinite(mesh.uv).all((1, 2))
-    tile = np.zeros((count, 2), np.int64)
-    tile[has] = np.floor(mesh.uv[has].mean(1))
-    inner = mesh.uv - tile[:, None]
-    crossing = ((inner[has] < -ROUNDING) | (inner[has] > 1 + ROUNDING)).any()
-    if crossing or not tile.any() or tile.min() < 0 or tile[:, 0].max() >= ACROSS:
+    tile, inner = np.zeros((count, 2), np.int64), room(mesh.uv.shape, np.float64)
+    for own in blocks(count):
+        tile[own][has[own]] = np.floor(mesh.uv[own][has[own]].mean(1))
+        inner[own] = mesh.uv[own] - tile[own, None]
+        there = inner[own][has[own]]
+        if ((there < -ROUNDING) | (there > 1 + ROUNDING)).any():
+            return None
+    if not tile.any() or tile.min() < 0 or tile[:, 0].max() >= ACROSS:
         return None
-    number = FIRST + tile[:, 0] + ACROSS * tile[:, 1]
-    found, texture = np.unique(np.column_stack([number, index])[has], axis=0, return_inverse=True)
-    own = np.full(count, -1, np.int32)
-    own[has] = texture.reshape(-1)
-    return replace(mesh, uv=inner, texture_index=own), found[:, 0].astype(np.int32)
+    number, textures = FIRST + tile[:, 0] + ACROSS * tile[:, 1], int(index.max()) + 1
+    found, texture = np.unique((number * textures + index)[has], return_inverse=True)
+    own_texture = np.full(count, -1, np.int32)
+    own_texture[has] = texture
+    return replace(mesh, uv=inner, texture_index=own_texture), (found // textures).astype(np.int32)

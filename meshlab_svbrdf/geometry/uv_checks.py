@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..blocks import blocks, room
 from ..errors import SvbrdfError
 from ..jit import kernel
 from .mesh import Mesh
@@ -127,21 +128,23 @@ def check_uv(mesh: Mesh, sizes: tuple[tuple[int, int], ...]) -> UvReport:
     covered = repeated = 0
     for index, (height, width) in enumerate(sizes):
         here = np.flatnonzero((texture == index) & finite)
-        pixels = np.stack(
-            [mesh.uv[here, :, 0] * width - 0.5, (1 - mesh.uv[here, :, 1]) * height - 0.5], axis=-1
-        )
-        limit = np.array([width, height])
-        outside = (pixels <= -1) | (pixels >= limit)
-        out_of_range[here] = outside.any(axis=(1, 2))
-        low, high = pixels.min(axis=1), pixels.max(axis=1)
-        tiled[here] = ((high < -0.5) | (low > limit - 0.5)).any(axis=1)
-
-        # Snap to the grid; what lies a texture or more outside cannot come nearer by being cut off
-        snapped = np.rint(np.clip(pixels, -(2**20), 2**20) * SUBTEXEL).astype(np.int64)
         counter = np.zeros((height, width), np.uint16)
-        area = _count(snapped, counter)
-        zero_area[here] = area == 0
-        flipped[here] = area > 0
+        limit = np.array([width, height])
+        for block in blocks(len(here)):
+            own = here[block]
+            pixels = np.stack(
+                [mesh.uv[own, :, 0] * width - 0.5, (1 - mesh.uv[own, :, 1]) * height - 0.5], -1
+            )
+            outside = (pixels <= -1) | (pixels >= limit)
+            out_of_range[own] = outside.any(axis=(1, 2))
+            low, high = pixels.min(axis=1), pixels.max(axis=1)
+            tiled[own] = ((high < -0.5) | (low > limit - 0.5)).any(axis=1)
+
+            # Snap to the grid; what lies a texture or more outside comes no nearer by being cut off
+            snapped = np.rint(np.clip(pixels, -(2**20), 2**20) * SUBTEXEL).astype(np.int64)
+            area = _count(snapped, counter)
+            zero_area[own] = area == 0
+            flipped[own] = area > 0
         covered += int(np.count_nonzero(counter))
         repeated += int(np.count_nonzero(counter > 1))
     return UvReport(
@@ -162,35 +165,60 @@ def check_uv(mesh: Mesh, sizes: tuple[tuple[int, int], ...]) -> UvReport:
 def _seam_share(mesh: Mesh, texture: np.ndarray) -> float:
     """Of the length of the edges between two faces, those with other coordinates on each side."""
     assert mesh.uv is not None
-    corners = np.concatenate([np.stack([k + 3 * np.arange(len(mesh.faces)) for k in pair], 1)
-                              for pair in ((0, 1), (1, 2), (2, 0))])  # fmt: skip
-    ends = mesh.faces.ravel()[corners]
-    turned = ends[:, 0] > ends[:, 1]
-    corners[turned] = corners[turned][:, ::-1]
-    ends.sort(axis=1)
-    edge = ends[:, 0].astype(np.int64) * len(mesh.vertices) + ends[:, 1]
+    faces, uv, count = mesh.faces, mesh.uv.reshape(-1, 2), len(mesh.faces)
+    edge = room(3 * count, np.int64)
+    for own in blocks(count):
+        for k in range(3):
+            low, high = np.sort(faces[own][:, [k, (k + 1) % 3]].astype(np.int64), axis=1).T
+            edge[k * count + own.start : k * count + own.stop] = low * len(mesh.vertices) + high
     order = np.argsort(edge, kind="stable")
-    shared = edge[order[1:]] == edge[order[:-1]]
-    first, second = order[:-1][shared], order[1:][shared]
-    place = np.column_stack([mesh.uv.reshape(-1, 2), np.repeat(texture, 3)])
-    apart = np.abs(place[corners[first]] - place[corners[second]]).max(axis=(1, 2)) > 1e-5
-    along = mesh.vertices[ends[first, 1]] - mesh.vertices[ends[first, 0]]
-    length = np.linalg.norm(along, axis=1)
-    return float(length[apart].sum() / length.sum()) if length.any() else 0.0
+
+    def ends(side: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The corners of some faces' sides (n, 2), by rising vertex, and their vertices."""
+        face = side % count
+        corner = np.stack([(side // count + k) % 3 + 3 * face for k in range(2)], 1)
+        vertex = faces.reshape(-1)[corner]
+        turned = vertex[:, 0] > vertex[:, 1]
+        corner[turned], vertex[turned] = corner[turned, ::-1], vertex[turned, ::-1]
+        return corner, vertex
+
+    apart = total = 0.0
+    for own in blocks(len(order) - 1):
+        first, second = order[own], order[own.start + 1 : own.stop + 1]
+        shared = edge[first] == edge[second]
+        first, second = first[shared], second[shared]
+        (a, vertex), (b, _) = ends(first), ends(second)
+        length = np.linalg.norm(np.diff(mesh.vertices[vertex], axis=1)[:, 0], axis=1)
+        seam = (np.abs(uv[a] - uv[b]) > 1e-5).any(axis=(1, 2))
+        seam |= texture[first % count] != texture[second % count]
+        apart, total = apart + length[seam].sum(), total + length.sum()
+    return float(apart / total) if total else 0.0
 
 
 def _skewed_share(mesh: Mesh) -> float:
     """Of the area, faces whose map to the texture stretches one direction OUT_OF_SHAPE times."""
     assert mesh.uv is not None
-    a, b, c = np.moveaxis(mesh.vertices[mesh.faces], 1, 0)
+    skewed = total = 0.0
+    for own in blocks(len(mesh.faces)):
+        twice, out_of_shape = _shape(mesh.vertices[mesh.faces[own]], mesh.uv[own])
+        skewed, total = skewed + twice[out_of_shape].sum(), total + twice.sum()
+    return float(skewed / total) if total else 0.0
+
+
+def _shape(corners: np.ndarray, uv: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Twice the area of faces (F,), and which of them are out of shape, (F,) bool.
+
+    corners : (F, 3, 3); uv : (F, 3, 2)
+    """
+    a, b, c = np.moveaxis(corners, 1, 0)
     along, side = b - a, c - a
     length = np.linalg.norm(along, axis=1)
     twice = np.linalg.norm(np.cross(along, side), axis=1)
     twice[np.isnan(twice)] = 0
-    good = (twice > 0) & np.isfinite(mesh.uv).all(axis=(1, 2))
+    good = (twice > 0) & np.isfinite(uv).all(axis=(1, 2))
 
     # The map's columns in a frame of the face: along its first edge, and across it
-    u, v = mesh.uv[good, 1] - mesh.uv[good, 0], mesh.uv[good, 2] - mesh.uv[good, 0]
+    u, v = uv[good, 1] - uv[good, 0], uv[good, 2] - uv[good, 0]
     length, area = length[good, None], twice[good]
     first = u / length
     foot = (along[good] * side[good]).sum(1, keepdims=True) / length
@@ -198,8 +226,9 @@ def _skewed_share(mesh: Mesh) -> float:
     # Stretches p ≥ q: p > n q exactly where p² + q² > (n + 1/n) p q
     squares = (first**2 + second**2).sum(1)
     product = np.abs(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0])
-    skewed = squares > (OUT_OF_SHAPE + 1 / OUT_OF_SHAPE) * product
-    return float(area[skewed].sum() / twice.sum()) if twice.any() else 0.0
+    skewed = np.zeros(len(uv), bool)
+    skewed[good] = squares > (OUT_OF_SHAPE + 1 / OUT_OF_SHAPE) * product
+    return twice, skewed
 
 
 def _starved_share(
@@ -207,11 +236,14 @@ def _starved_share(
 ) -> float:
     """Of the area, faces with less than STARVED of the density that the median texel has."""
     assert mesh.uv is not None
-    a, b, c = np.moveaxis(mesh.vertices[mesh.faces], 1, 0)
-    area = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
-    u, v = mesh.uv[:, 1] - mesh.uv[:, 0], mesh.uv[:, 2] - mesh.uv[:, 0]
+    area, texels = (room(len(mesh.faces), np.float64) for _ in range(2))
     pixels = np.array([0.0, *(h * w for h, w in sizes)])[np.clip(texture + 1, 0, len(sizes))]
-    texels = np.where(lost, 0.0, np.abs(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]) / 2 * pixels)
+    for own in blocks(len(area)):
+        a, b, c = np.moveaxis(mesh.vertices[mesh.faces[own]], 1, 0)
+        area[own] = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+        u, v = (mesh.uv[own, k] - mesh.uv[own, 0] for k in (1, 2))
+        found = np.abs(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]) / 2 * pixels[own]
+        texels[own] = np.where(lost[own], 0.0, found)
     has = (area > 0) & (texels > 0)
     if not has.any():
         return 0.0

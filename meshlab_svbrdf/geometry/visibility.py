@@ -19,6 +19,7 @@ from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 from scipy.sparse import csr_array
 
+from ..blocks import blocks, room, rowwise
 from ..jit import kernel
 from .harmonics import BANDS, COEFFICIENTS, basis
 from .mesh import Mesh
@@ -95,6 +96,7 @@ def vertex_visibility(
     directions: int = 512,
     bands: int = BANDS,
     progress: Callable[[float], object] | None = None,
+    rays: Rays | None = None,
 ) -> np.ndarray:
     """Harmonics of the visibility of each vertex's upper hemisphere (§3.1).
 
@@ -110,6 +112,7 @@ def vertex_visibility(
     bands : 1 to 6; coefficients of the bands above are zero. (0, no visibility at all, is
         coefficients=None to whoever uses them.)
     progress : called with the share done, 0 to 1
+    rays : of the mesh, where there are any already
 
     Returns
     -------
@@ -118,28 +121,35 @@ def vertex_visibility(
     if not 1 <= bands <= BANDS:
         raise ValueError(f"bands={bands}: expected 1 to {BANDS}; for none use no coefficients")
     normals = mesh.vertex_normals()
-    shot = _Obstacles(mesh, normals, directions)
+    shot = _Obstacles(mesh, normals, directions, rays or Rays(mesh))
     lonely, between = _between(mesh, normals)
     tell = progress or (lambda share: None)
-    taken = np.zeros((len(normals), COEFFICIENTS))
+    taken = room((len(normals), COEFFICIENTS), np.float64)
+    taken[:] = 0
     taken[lonely] = shot.taken(lonely, lambda share: tell(share * len(lonely) / len(normals)))
 
     # Where the neighbours agree, what they see is what is seen between them
-    count = between.sum(axis=1)
-    mean = between @ taken / np.maximum(count, 1)[:, None]
-    power = between @ (taken**2).sum(axis=1) / np.maximum(count, 1)
-    differ = np.sqrt(np.maximum(power - (mean**2).sum(axis=1), 0) / (4 * np.pi))
-    agree = (count > 1) & (differ <= AGREEING)
-    taken[agree] = mean[agree]
+    agree = np.zeros(len(taken), bool)
+    powers = rowwise(lambda some: (some**2).sum(axis=1), taken)
+    for own in blocks(len(taken)):
+        near = between[own]
+        count = near.sum(axis=1)
+        mean = near @ taken / np.maximum(count, 1)[:, None]
+        power = near @ powers / np.maximum(count, 1)
+        differ = np.sqrt(np.maximum(power - (mean**2).sum(axis=1), 0) / (4 * np.pi))
+        agree[own] = (count > 1) & (differ <= AGREEING)
+        taken[own][agree[own]] = mean[agree[own]]
     done = len(lonely) + np.count_nonzero(agree)
     agree[lonely] = True
     rest = np.flatnonzero(~agree)
     left = 1 - done / max(1, len(normals))
     taken[rest] = shot.taken(rest, lambda share: tell(1 - left * (1 - share)))
     tell(1.0)
-    coefficients = _hemispheres(normals) - taken
-    coefficients[:, bands**2 :] = 0
-    return coefficients.astype(np.float32)
+    kept = np.arange(COEFFICIENTS) < bands**2
+    return rowwise(
+        lambda n, some: np.where(kept, _hemispheres(n) - some, 0).astype(np.float32),
+        normals, taken,
+    )  # fmt: skip
 
 
 def _hemispheres(normals: np.ndarray) -> np.ndarray:
@@ -154,19 +164,28 @@ def _between(mesh: Mesh, normals: np.ndarray) -> tuple[np.ndarray, csr_array]:
     Returns their indices, and a (V, V) matrix of ones where the column is such a vertex, shares an
     edge with the row, is no farther than `NEAR` and faces the same side.
     """
-    ends = np.concatenate([mesh.faces[:, [0, 1]], mesh.faces[:, [1, 2]], mesh.faces[:, [2, 0]]])
-    ends = np.concatenate([ends, ends[:, ::-1]])
+    a, b, c = mesh.faces.T
+    ends = np.concatenate([a, b, c, b, c, a]), np.concatenate([b, c, a, a, b, c])
     size = len(mesh.vertices)
-    graph = csr_array((np.ones(len(ends), np.int8), ends.T), shape=(size, size))
+    graph = csr_array((np.ones(len(ends[0]), np.int8), ends), shape=(size, size))
+    del ends
     graph.sum_duplicates()
     chosen = np.zeros(size, np.bool_)
     _choose(graph.indptr, graph.indices, normals.any(axis=1), chosen)
-    row = np.repeat(np.arange(size), np.diff(graph.indptr))
-    column = graph.indices
-    apart = np.linalg.norm(mesh.vertices[row] - mesh.vertices[column], axis=1)
-    same = np.einsum("ij,ij->i", normals[row], normals[column]) > 0
-    used = chosen[column] & ~chosen[row] & (apart <= NEAR * mesh.radius) & same
-    near = csr_array((np.ones(int(used.sum())), (row[used], column[used])), shape=(size, size))
+    columns, counts = [np.empty(0, np.int32)], np.zeros(size + 1, np.int64)
+    reach = NEAR * mesh.radius
+    for own in blocks(size):
+        span = graph.indptr[own.start : own.stop + 1]
+        row = np.repeat(np.arange(own.start, own.stop), np.diff(span))
+        column = graph.indices[span[0] : span[-1]]
+        apart = np.linalg.norm(mesh.vertices[row] - mesh.vertices[column], axis=1)
+        same = np.einsum("ij,ij->i", normals[row], normals[column]) > 0
+        used = chosen[column] & ~chosen[row] & (apart <= reach) & same
+        found = np.bincount(row[used] - own.start, minlength=len(span) - 1)
+        counts[own.start + 1 : own.stop + 1] = found
+        columns.append(column[used])
+    indices = np.concatenate(columns)
+    near = csr_array((np.ones(len(indices)), indices, np.cumsum(counts)), shape=(size, size))
     return np.flatnonzero(chosen), near
 
 
@@ -183,14 +202,25 @@ def _choose(indptr, indices, usable, chosen):
 class _Obstacles:
     """Shoots rays from vertices into their upper hemispheres, and keeps those that are blocked."""
 
-    def __init__(self, mesh: Mesh, normals: np.ndarray, directions: int) -> None:
-        self.rays, self.normals = Rays(mesh), normals
+    def __init__(self, mesh: Mesh, normals: np.ndarray, directions: int, rays: Rays) -> None:
+        self.rays, self.normals = rays, normals
         self.origins = _off_surface(mesh, mesh.vertices, normals, VERTEX_OFFSET)
         self.omega = spread_directions(directions)
         self.weights = basis(self.omega) * (4 * np.pi / directions)
 
     def taken(self, vertices: np.ndarray, progress: Callable[[float], object]) -> np.ndarray:
         """Harmonics of what obstacles take from some vertices' (n,) hemispheres, (n, 36)."""
+        whole = room((len(vertices), COEFFICIENTS), np.float64)
+        for own in blocks(len(vertices)):
+
+            def tell(share: float, own: slice = own) -> None:
+                progress((own.start + share * (own.stop - own.start)) / len(vertices))
+
+            whole[own] = self._of(vertices[own], tell)
+        return whole
+
+    def _of(self, vertices: np.ndarray, progress: Callable[[float], object]) -> np.ndarray:
+        """`taken` of a block."""
         normals, origins = self.normals[vertices], self.origins[vertices]
 
         def blocked(direction: np.ndarray) -> np.ndarray:
@@ -212,14 +242,18 @@ class _Obstacles:
 
 
 def needs_visibility(
-    mesh: Mesh, threshold: float = NEARLY_CONVEX, vertices: int = 2000, directions: int = 64
+    mesh: Mesh,
+    threshold: float = NEARLY_CONVEX,
+    vertices: int = 2000,
+    directions: int = 64,
+    rays: Rays | None = None,
 ) -> tuple[bool, float]:
     """Whether self-occlusion matters, and the share of front-facing rays that are blocked.
 
     A seeded sample of vertices is tried; an object with less than `threshold` blocked is nearly
-    convex, and [n·ω > 0] is as good as its visibility.
+    convex, and [n·ω > 0] is as good as its visibility. rays : of the mesh, if there are any already
     """
-    rays, normals = Rays(mesh), mesh.vertex_normals()
+    rays, normals = rays or Rays(mesh), mesh.vertex_normals()
     usable = np.flatnonzero(normals.any(axis=1))
     if len(usable) > vertices:
         usable = np.sort(np.random.default_rng(0).choice(usable, vertices, replace=False))

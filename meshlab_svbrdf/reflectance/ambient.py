@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import minimize_scalar
 
+from ..blocks import places, room, rowwise, taken
 from ..geometry.adjacency import neighbours, thin
 from ..geometry.harmonics import COEFFICIENTS, evaluate
 from ..geometry.texels import Texels
@@ -56,14 +57,14 @@ def openness(
     if len(coefficients) == 0:
         return np.ones(len(normal))
     zonal = np.repeat(_COSINE, [2 * l + 1 for l in range(len(_COSINE))])[:COEFFICIENTS]
-    share = np.empty(len(normal))
+    share = room(len(normal), np.float64)
     weighted = coefficients * zonal
 
     def work(first: int, stop: int) -> None:
         _openness(first, stop, faces, texels.face, texels.barycentric, weighted, normal, share)
 
     in_pieces(work, len(normal))
-    return np.clip(share, 0, 1)
+    return np.clip(share, 0, 1, out=share)
 
 
 @kernel
@@ -114,11 +115,12 @@ def ambient_light(
     it is three standard errors (a jackknife over parts of the object) away from none.
     """
     unknown = Ambient(np.zeros(3), np.full(3, np.inf))
-    usable = np.flatnonzero((material >= 0) & (np.nan_to_num(diffuse).min(1) > DARKEST))
+    bright = rowwise(lambda some: np.nan_to_num(some).min(1) > DARKEST, diffuse)
+    usable = places((material >= 0) & bright)
     if not lights or len(usable) < TEXELS // 10:
         return unknown
     texels = observations.texels
-    chosen = usable[thin(texels.position[usable], texels.normal[usable], TEXELS)]
+    chosen = usable[thin(taken(texels.position, usable), taken(texels.normal, usable), TEXELS)]
     indptr, second = neighbours(
         texels.position[chosen], texels.normal[chosen], k=NEIGHBOURS, reach=REACH
     )

@@ -7,6 +7,7 @@ from functools import partial
 
 import numpy as np
 
+from ..blocks import places
 from ..jit import inner, kernel
 from ..power import FAST
 from ..ranks import quantile
@@ -118,14 +119,12 @@ def refitting(
     material : (T,) int32, -1 for none
     gloss : of the M materials; tint : (M, 3), the highlights' colours
     """
-    everywhere = np.arange(len(observations.texels))
+    everywhere = places(np.ones(len(observations.texels), bool))
     bulbs = lamps(
         lights, observations.texels.radius, cast_shadows(observations, everywhere, lights)
     )
-    tint = np.asarray(tint, np.float64)
-    return partial(
-        _block_refit, observations.view, material, gloss, tint, bulbs, diffuse.astype(np.float32)
-    )
+    tint, diffuse = np.asarray(tint, np.float64), np.asarray(diffuse, np.float32)
+    return partial(_block_refit, observations.view, material, gloss, tint, bulbs, diffuse)
 
 
 def _block_refit(

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..blocks import blocks
+from ..blocks import blocks, room, rowwise
 from ..samples.observations import Observations
 from .ambient import ambient_light, highlight_share, openness
 from .footprint import Footprints
@@ -46,7 +46,8 @@ def finish_diffuse(
     covered : what the pixels cover, whose blur is to be taken out; None: it stays
     """
     notes: list[str] = []
-    radiance, highlight = np.zeros(3), np.zeros_like(diffuse)
+    radiance, highlight = np.zeros(3), room(diffuse.shape, np.float32)
+    highlight[:] = 0
     if ambient and len(lights) and np.isfinite(rho_s).any():
         rho, shininess = np.nan_to_num(rho_s), np.nan_to_num(alpha, nan=1.0)
         view = observations.view
@@ -55,7 +56,6 @@ def finish_diffuse(
         radiance = found.radiance
         if radiance.any():
             notes.append(f"ambient light {radiance.mean():.3f} of a lamp's")
-            highlight = np.empty_like(diffuse)
             for block in blocks(len(diffuse)):
                 own = np.maximum(material[block], 0)
                 share = highlight_share(open_[block], rho[own], shininess[own])
@@ -64,7 +64,7 @@ def finish_diffuse(
                 highlight[block] = np.minimum(shines, np.nan_to_num(diffuse[block]))
         else:
             notes.append("no ambient light is seen")
-    diffuse = diffuse - highlight
+    diffuse = rowwise(np.subtract, diffuse, highlight)
     if covered is not None:
         diffuse = sharpen(observations.texels, diffuse, covered.covariance, covered.noise)
     return Finished(diffuse, radiance, highlight, notes)

@@ -7,6 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
+from ..blocks import blocks, places, room, rowwise, taken
 from ..jit import inner, kernel
 from ..samples.observations import (
     Observations,
@@ -145,16 +146,42 @@ def choose_texels(
     lacking : the materials of which less are flat enough
     """
     chosen, lacking = [np.zeros(0, np.int64)], []
-    usable = np.flatnonzero((counts >= MINIMUM_SAMPLES) & (material >= 0))
-    of = material[usable]
-    order = np.argsort(of.astype(np.min_scalar_type(of.max(initial=0))), kind="stable")  # by radix
-    usable, of = usable[order], of[order]
-    ids = np.flatnonzero(np.bincount(of))
-    for m, own in zip(ids, np.split(usable, np.searchsorted(of, ids))[1:], strict=True):
-        flattest = np.quantile(turn[own], min(max(FLAT_SHARE, FLAT_LEAST / len(own)), 1))
+    usable, first, stop = _by_material(material, counts, len(limits))
+    ids = np.flatnonzero(stop > first)
+    for m in ids:
+        own = usable[first[m] : stop[m]]
+        share = min(max(FLAT_SHARE, FLAT_LEAST / len(own)), 1)
+        flattest = np.quantile(taken(turn, own), share, overwrite_input=True)
         if flattest > limits[m]:
             lacking.append(int(m))
-        own = own[turn[own] <= max(limits[m], flattest)]
-        stride = max(2, int(np.ceil(counts[own].sum() * len(ids) / samples)))
-        chosen.append(own[offset % stride :: stride])
+        most = max(limits[m], flattest)
+        flat = places(rowwise(lambda some, most=most: turn[some] <= most, own))
+        count = sum(int(counts[own[flat[block]]].sum()) for block in blocks(len(flat)))
+        stride = max(2, int(np.ceil(count * len(ids) / samples)))
+        chosen.append(own[flat[offset % stride :: stride]])
     return np.sort(np.concatenate(chosen)), lacking
+
+
+def _by_material(
+    material: np.ndarray, counts: np.ndarray, materials: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The texels (n,) with enough samples, material by material, ascending, and where each
+    material's (M,) begin and end."""
+
+    def own(block: slice) -> np.ndarray:
+        return np.flatnonzero((counts[block] >= MINIMUM_SAMPLES) & (material[block] >= 0))
+
+    sizes = np.zeros(materials, np.int64)
+    for block in blocks(len(material)):
+        sizes += np.bincount(material[block][own(block)], minlength=materials)
+    stop = np.cumsum(sizes)
+    cursor, usable = stop - sizes, room(int(sizes.sum()), np.int64)
+    for block in blocks(len(material)):
+        here = own(block)
+        of = material[block][here].astype(np.min_scalar_type(materials))  # small ones sort by radix
+        order = np.argsort(of, kind="stable")
+        here, of = here[order], of[order]
+        size = np.bincount(of, minlength=materials)
+        usable[cursor[of] + np.arange(len(of)) - (np.cumsum(size) - size)[of]] = here + block.start
+        cursor += size
+    return usable, stop - sizes, stop

@@ -18,8 +18,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
+from ..blocks import blocks, rowwise
 from ..samples.observations import Observations
-from ..threads import thread_count
+from ..threads import side_by_side, thread_count
 from .elimination import ALPHAS, eliminate, profile
 from .fit_samples import choose_texels, collect, flat_limits
 from .fit_state import FitState
@@ -129,16 +130,22 @@ def patches(labels: np.ndarray, position: np.ndarray) -> tuple[np.ndarray, np.nd
 
     position : (T, 3), about the object's centre
     """
-    inside = labels >= 0
-    cell = 2 * float(np.linalg.norm(position, axis=1).max(initial=0)) / CELLS
-    place = np.floor(position[inside] / max(cell, 1e-30)).astype(np.int64) + CELLS
-    key = labels[inside].astype(np.int64)
-    for axis in place.T:
-        key = key * (2 * CELLS + 1) + axis
-    key, own = np.unique(key, return_inverse=True)
-    patch = np.full(len(labels), -1, np.int32)
-    patch[inside] = own
-    return patch, (key // (2 * CELLS + 1) ** 3).astype(np.int32)
+    far = rowwise(lambda some: np.linalg.norm(some, axis=1), position).max(initial=0)
+    cell = 2 * float(far) / CELLS
+
+    def keys(label: np.ndarray, place: np.ndarray) -> np.ndarray:
+        key = label.astype(np.int64)
+        for axis in (np.floor(place / max(cell, 1e-30)).astype(np.int64) + CELLS).T:
+            key = key * (2 * CELLS + 1) + axis
+        return np.where(label >= 0, key, -1)
+
+    key = rowwise(keys, labels, position)
+    known = np.unique(np.concatenate([[-1], *(np.unique(key[own]) for own in blocks(len(key)))]))
+
+    def number(some: np.ndarray) -> np.ndarray:
+        return np.asarray(np.searchsorted(known, some) - 1, np.int32)
+
+    return rowwise(number, key), (known[1:] // (2 * CELLS + 1) ** 3).astype(np.int32)
 
 
 def area_sums(lit: Lit, area: np.ndarray, of: np.ndarray, *, half: int = 0) -> np.ndarray:
@@ -203,7 +210,9 @@ def join_silent(
 def part_unlike(lit: Lit, labels: np.ndarray) -> np.ndarray:
     """Labels (T,) after clusters came apart whose patches are of two kinds of gloss."""
     patch, of = patches(labels, lit.observations.texels.position)
-    first, second = (area_sums(lit, patch, of, half=half) for half in (0, 1))
+    first, second = side_by_side(
+        lambda: area_sums(lit, patch, of, half=0), lambda: area_sums(lit, patch, of, half=1)
+    )
     parted = labels.copy()
     for cluster in np.unique(of):
         own = np.flatnonzero(of == cluster)
@@ -333,10 +342,11 @@ def _texels_of(lit: Lit, inside: np.ndarray, lobes: tuple[Lobe, Lobe]) -> np.nda
     if not len(heard):
         return np.zeros(len(inside), bool)
     tree, kind = cKDTree(tree.data[heard]), kind[heard]
-    own = np.flatnonzero(inside)
-    votes = kind[_nearest(tree, lit.observations.texels.position[own], VOTES)].sum(1)
     second = np.zeros(len(inside), bool)
-    second[own[votes > 0]] = True
+    for block in blocks(len(inside)):
+        own = block.start + np.flatnonzero(inside[block])
+        votes = kind[_nearest(tree, lit.observations.texels.position[own], VOTES)].sum(1)
+        second[own[votes > 0]] = True
     return second
 
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..blocks import resting
 from ..samples.observations import Observations
 from ..threads import thread_count
 from .blur_fit import fit_blur
@@ -128,8 +129,10 @@ def fit(
         without: Sequence[int] | np.ndarray = (),
     ) -> FitState:
         limits = flat_limits(np.maximum(alpha, FIRST_ALPHA), curvature, footprint)
-        left = counts.copy()
-        left[np.asarray(without, np.int64)] = 0
+        left = counts
+        if len(without):
+            left = resting(counts.copy())
+            left[np.asarray(without, np.int64)] = 0
         chosen, lacking = choose_texels(material, left, turn, limits, budget)
         named = [int(ids[m]) for m in lacking] if ids is not None else lacking
         note = f"materials {named} are curved nearly everywhere: their gloss is less certain"

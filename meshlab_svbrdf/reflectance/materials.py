@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 from skimage.color import xyz2lab
 from skimage.color.colorconv import xyz_from_rgb
 
-from meshlab_svbrdf.blocks import blocks
+from meshlab_svbrdf.blocks import blocks, places, room, taken
 from meshlab_svbrdf.errors import SvbrdfError
 from meshlab_svbrdf.geometry.adjacency import neighbours, thin
 from meshlab_svbrdf.reflectance import regions
@@ -66,8 +66,9 @@ def color_space(diffuse: np.ndarray, lightness_weight: float = LIGHTNESS_WEIGHT)
     -------
     (T, 3) float32; NaN where any channel of `diffuse` is not finite.
     """
-    observed = np.flatnonzero(np.isfinite(diffuse).all(1))
-    space = np.full((len(diffuse), 3), np.nan, np.float32)
+    observed = places(np.isfinite(diffuse).all(1))
+    space = room((len(diffuse), 3), np.float32)
+    space[:] = np.nan
 
     def convert(first: int, stop: int) -> None:
         own = observed[first:stop]
@@ -171,14 +172,16 @@ def segment_surface(
     """
     if len(position) <= most:
         return segment(diffuse, adjacency or neighbours(position, normal), **options)
-    observed = np.flatnonzero(np.isfinite(diffuse).all(1))
-    kept = observed[thin(position[observed], normal[observed], most)]
+    left_out = np.isfinite(diffuse).all(1)
+    observed = places(left_out)
+    kept = observed[thin(taken(position, observed), taken(normal, observed), most)]
     adjacency = neighbours(position[kept], normal[kept])
     labels = np.full(len(diffuse), -1, np.int32)
     labels[kept] = segment(diffuse[kept], adjacency, **options)
 
     # Spread the labels to the texels that were thinned out
-    left = np.setdiff1d(observed, kept, assume_unique=True)
+    left_out[kept] = False
+    left = places(left_out)
     tree = cKDTree(position[kept])
     for block in blocks(len(left)):
         own = left[block]

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..blocks import places, room, rowwise
 from ..samples.observations import Observations
 from .lights import Light
 from .normal_steps import ALL, FIRST, refine
@@ -68,12 +69,15 @@ def refine_normals(
         observations.shape if observations.shape is not None else np.zeros((0, 3, 3), np.float32)
     )
     kept = NormalRefinement(view.normal, 0.0, 0.0, 0.0)
-    glossy = (observations.store.counts() >= LEAST) & (material >= 0)
-    glossy[glossy] = rho[material[glossy]] > 0
-    texels = np.flatnonzero(glossy)
+    shines = np.append(rho > 0, False)
+    glossy = rowwise(
+        lambda count, own: (count >= LEAST) & shines[own], observations.store.counts(), material
+    )
+    texels = places(glossy)
 
     def run(texels: np.ndarray, sigma: float, half: int, tell) -> tuple[np.ndarray, np.ndarray]:
-        normals = view.normal.copy()
+        normals = room(view.normal.shape, np.float32)
+        normals[:] = view.normal
         bulbs = lamps(
             lights, observations.texels.radius, cast_shadows(observations, texels, lights)
         )
@@ -100,6 +104,6 @@ def refine_normals(
     if gain < WORTHWHILE:
         return replace(kept, gain=gain)
     normals, _ = run(texels, best, ALL, progress)
-    chord = np.linalg.norm(normals - view.normal, axis=1)
+    chord = rowwise(lambda new, old: np.linalg.norm(new - old, axis=1), normals, view.normal)
     turned = float(np.median(chord[chord > 0])) if (chord > 0).any() else 0.0
     return NormalRefinement(normals, best, gain, turned)

@@ -12,11 +12,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..blocks import blocks, room
 from ..geometry.visibility import directional_visibility
 from ..jit import inner, kernel
 from ..samples.observations import Observations, View, fill_visibility, visibility
 from .lights import Light
 
+SHADOWED = 1 << 21  # texels whose shadows are cast at once
 SPACING = 0.07
 """Radians between the points of a long lamp: about the width of the sharpest lobes."""
 COARSER = 1.5
@@ -87,11 +89,14 @@ def cast_shadows(
     if observations.rays is None:
         return None
     own = observations.texels
-    lit = np.zeros((len(own), len(lights)), np.uint8)
+    lit = room((len(own), len(lights)), np.uint8)
+    lit[:] = 0
     places = [(light.direction, light.position(own.center, own.radius)) for light in lights]
-    lit[texels] = directional_visibility(
-        observations.rays, own.position[texels] + own.center, own.normal[texels], places
-    )
+    for block in blocks(len(texels), SHADOWED):
+        some = texels[block]
+        lit[some] = directional_visibility(
+            observations.rays, own.position[some] + own.center, own.normal[some], places
+        )
     return lit
 
 

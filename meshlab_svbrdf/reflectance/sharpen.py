@@ -13,10 +13,11 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 from scipy.sparse import csr_array
 
-from ..blocks import blocks
+from ..blocks import blocks, room, rowwise
 from ..geometry.tangents import tangents
 from ..geometry.texels import Texels
 from ..jit import kernel
+from ..power import exp
 from ..threads import thread_count
 from .footprint import SPREAD
 
@@ -47,6 +48,8 @@ def _rows(first, stop, position, normal, row, col, covariance, index, counts, co
         determinant = aa * bb - ab * ab
         if not determinant > 0.0:
             continue
+        xx, xy, yy = bb / determinant, -2.0 * ab / determinant, aa / determinant
+        zz = 1.0 / (aa + bb)
         start, total = n, 0.0
         for ring in range(REACH + 1):
             beyond = True
@@ -62,12 +65,11 @@ def _rows(first, stop, position, normal, row, col, covariance, index, counts, co
                     z = position[u, 2] - position[t, 2]
                     a, b = x * ax + y * ay + z * az, x * bx + y * by + z * bz
                     off = x * nx + y * ny + z * nz
-                    d2 = (bb * a * a - 2.0 * ab * a * b + aa * b * b) / determinant
-                    d2 += off * off / (aa + bb)
+                    d2 = xx * a * a + xy * a * b + yy * b * b + zz * off * off
                     beyond &= d2 >= CUT
                     facing = normal[u, 0] * nx + normal[u, 1] * ny + normal[u, 2] * nz
                     if d2 < CUT and facing > 0.0:
-                        columns[n], weights[n] = u, np.exp(-0.5 * d2)
+                        columns[n], weights[n] = u, exp(-0.5 * d2)
                         total += weights[n]
                         n += 1
             if beyond:
@@ -88,16 +90,16 @@ class Blur:
 
     def __init__(self, texels: Texels, covariance: np.ndarray) -> None:
         self._texels, self._covariance = texels, covariance
-        seen = covariance[:, 0] > 0
         # Lay the textures below one another, out of each other's reach
         widest = max(size[1] for size in texels.sizes)
         tops = np.cumsum([0, *(size[0] + REACH for size in texels.sizes)])
-        self._row = texels.row.astype(np.int32)
-        self._index = np.full((tops[-1], widest), -1, np.int32)
-        for number, top in enumerate(tops[1:-1], 1):
-            self._row[texels.texture == number] += np.int32(top)
-        own = np.flatnonzero(seen)
-        self._index[self._row[own], texels.col[own]] = own
+        down = np.array(tops[:-1], np.int32)
+        self._row = rowwise(lambda row, number: row + down[number], texels.row, texels.texture)
+        self._index = room((tops[-1], widest), np.int32)
+        self._index[:] = -1
+        for block in blocks(len(texels)):
+            own = block.start + np.flatnonzero(covariance[block, 0] > 0)
+            self._index[self._row[own], texels.col[own]] = own
 
     def rows(self, own: slice) -> csr_array:
         """The rows of some texels, (n, T)."""
@@ -126,11 +128,15 @@ def sharpen(
     noise : (T,) standard error of `blurred`
     """
     known = np.isfinite(blurred).all(1) & (covariance[:, 0] > 0)
-    blur = Blur(texels, np.where(known[:, None], covariance, 0).astype(np.float32))
-    start = np.where(known[:, None], blurred, 0).astype(np.float32)
+
+    def only(own: np.ndarray, values: np.ndarray) -> np.ndarray:
+        return np.where(own[:, None], values, 0).astype(np.float32)
+
+    blur, start = Blur(texels, rowwise(only, known, covariance)), rowwise(only, known, blurred)
     pieces = list(blocks(len(start), PIECE))
     held: dict[int, csr_array] = {}
-    sharp, after = start.copy(), np.empty_like(start)
+    sharp, after = (room(start.shape, np.float32) for _ in range(2))
+    sharp[:] = start
 
     def step(number: int) -> None:
         own = pieces[number]
@@ -149,4 +155,8 @@ def sharpen(
         for _ in range(ROUNDS):
             list(pool.map(step, range(len(pieces))))
             sharp, after = after, sharp
-    return np.where(known[:, None], sharp, blurred).astype(np.float32)
+
+    def joined(own: np.ndarray, new: np.ndarray, old: np.ndarray) -> np.ndarray:
+        return np.where(own[:, None], new, old).astype(np.float32)
+
+    return rowwise(joined, known, sharp, blurred)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from ..blocks import LARGE, room
 from ..geometry.camera import Camera
 from ..geometry.groups import GROUP, faces_away, group
 from ..geometry.mesh import Mesh
@@ -241,7 +242,7 @@ class FrameSampler:
     ):
         self.texels = texels
         self.position, self.normal = (
-            np.array(values.T, np.float32, order="C") for values in (texels.position, texels.normal)
+            _columns(values) for values in (texels.position, texels.normal)
         )
         self.reference_depth = reference_depth
         self.quality = quality or Quality()
@@ -285,7 +286,7 @@ class FrameSampler:
         camera = camera.about(texels.center)
         left, top, right, bottom = _window(camera, self.box)
         count = len(texels) if left < right and top < bottom else 0
-        texel, value = np.empty(count + 1, np.int32), np.empty((count + 1, 4), kind)
+        texel, value = room(count + 1, np.int32), room((count + 1, 4), kind)
         if count == 0:
             return SampledFrame(texel[:0], value[:0])
         # Look where the object is, and one pixel beyond
@@ -307,7 +308,16 @@ class FrameSampler:
             np.float32(q.occlusion * texels.radius), np.float32(self.reference_depth),
             np.float32(q.cut), kind(clipped), texel, value,
         )  # fmt: skip
+        if texel.nbytes >= LARGE:  # what was not written takes no memory
+            return SampledFrame(texel[:n], value[:n])
         return SampledFrame(texel[:n].copy(), value[:n].copy())
+
+
+def _columns(values: np.ndarray) -> np.ndarray:
+    """(3, T) float32 of (T, 3), which may be long."""
+    columns = room(values.shape[::-1], np.float32)
+    columns[...] = values.T
+    return columns
 
 
 def _window(camera: Camera, box: np.ndarray) -> tuple[int, int, int, int]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 import shutil
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 from pathlib import Path
@@ -16,6 +17,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
+from ..blocks import room
 from ..errors import DocumentError
 from ..jit import kernel
 from ..npy import write_npy
@@ -152,9 +154,13 @@ class SampledFrame(NamedTuple):
         return self.value[:, 3]
 
 
-def columns(samples: int, kind: type) -> tuple[np.ndarray, np.ndarray]:
+Make = Callable[[int, Any], np.ndarray]
+"""Of an array from its length and type: np.empty or `blocks.room`."""
+
+
+def columns(samples: int, kind: type, make: Make = np.empty) -> tuple[np.ndarray, np.ndarray]:
     """Room for frames (n,) uint8 and for values as words (n,)."""
-    return np.empty(samples, np.uint8), np.empty(samples, WORDS[np.dtype(kind)])
+    return make(samples, np.uint8), make(samples, WORDS[np.dtype(kind)])
 
 
 @kernel
@@ -186,10 +192,9 @@ def _scatter(texel, value, start, stop, cursor, out_frame, out_value):
 class Held:
     """Frames one after the other, until they are transposed."""
 
-    def __init__(self, samples: int, kind: type = np.uint8) -> None:
-        """samples : of which there is room; kind : of their values"""
-        self._texel = np.empty(samples, np.int32)
-        self._value = np.empty(samples, WORDS[np.dtype(kind)])
+    def __init__(self, samples: int, kind: type = np.uint8, make: Make = np.empty) -> None:
+        """samples : of which there is room; kind : of their values; make : an array"""
+        self._texel, self._value = (make(samples, k) for k in (np.int32, WORDS[np.dtype(kind)]))
         self.clear()
 
     def __len__(self) -> int:
@@ -235,10 +240,12 @@ class Held:
         """
         ends = np.array(self._ends)
         texel, value = self._texel[: ends[-1]], self._value[: ends[-1]]
-        counts = np.zeros(texels + 1, np.uint32)
-        _count(texel, counts[1:])
-        offsets = np.cumsum(counts, dtype=np.uint32)
-        frame, word, cursor = out[0][: len(texel)], out[1][: len(texel)], offsets[:-1].copy()
+        offsets, cursor = room(texels + 1, np.uint32), room(texels, np.uint32)
+        offsets[:] = 0
+        _count(texel, offsets[1:])
+        np.cumsum(offsets, dtype=np.uint32, out=offsets)
+        cursor[:] = offsets[:-1]
+        frame, word = out[0][: len(texel)], out[1][: len(texel)]
         # Go from one stretch of texels to the next, so that what is written stays in the cache
         edges = np.arange(0, texels + TRANSPOSED, TRANSPOSED)
         cuts = np.array([a + np.searchsorted(texel[a:b], edges) for a, b in pairwise(ends)])

@@ -108,6 +108,8 @@ def observe(
     if not (np.isfinite(gain).all() and (gain > 0).all()):
         raise ValueError("gains: expected positive numbers")
     wide = store.bits == 16
+    if coefficients is None:
+        coefficients = np.zeros((0, 36), np.float32)
     scale = np.ascontiguousarray((100.0 * LARGEST if wide else 100.0) / gain, np.float32)
     view = View(
         np.ascontiguousarray(texels.position, np.float32),
@@ -116,8 +118,8 @@ def observe(
         np.ascontiguousarray(texels.barycentric, np.float32),
         np.array([c.center - texels.center for c in cameras], np.float32).reshape(count, 3),
         scale,
-        np.array(faces, np.int32),
-        np.array(np.zeros((0, 36)) if coefficients is None else coefficients, np.float32),
+        np.ascontiguousarray(faces, np.int32),
+        np.ascontiguousarray(coefficients, np.float32),
         table() if wide else decode(np.arange(256) / 255).astype(np.float32),
         bool((scale == scale[:1]).all()),
     )  # fmt: skip
@@ -135,7 +137,7 @@ def with_normals(observations: Observations, normal: np.ndarray) -> Observations
     return replace(
         observations,
         texels=replace(observations.texels, normal=normal),
-        view=observations.view._replace(normal=np.array(normal, np.float32)),
+        view=observations.view._replace(normal=np.ascontiguousarray(normal, np.float32)),
     )
 
 

@@ -22,7 +22,7 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
-from ..blocks import room
+from ..blocks import room, taken
 from ..errors import DocumentError
 from ..jit import kernel
 from ..spread import Spread
@@ -36,6 +36,7 @@ from .chunks import (
     Chunk,
     FileChunk,
     Held,
+    Make,
     SampledFrame,
     bytes_of,
     columns,
@@ -224,15 +225,16 @@ def _project(
     """
     each = TEXEL_BYTES + WORDS[np.dtype(kind)].itemsize
     most = texels + min(memory // each, texels * min(stop - first, MOST_FRAMES))
-    held, spare = Held(most, kind), Held(most, kind)
-    again = columns(most, kind) if written_out else None
+    make: Make = room if each * texels > memory else np.empty  # of a huge object, that is
+    held, spare = Held(most, kind, make), Held(most, kind, make)
+    again = columns(most, kind, make) if written_out else None
     written: Future[Found] | None = None
 
     def finish(full: Held) -> Found:
         out = again or columns(full.samples, kind)
         return keep(full.transpose(texels, pool, out)), full.seen, full.quality
 
-    ahead = 2 * thread_count()
+    ahead = int(np.clip(2 * memory // (each * max(texels, 1)), 1, 2 * thread_count()))
     pending = deque(pool.submit(sample, f) for f in range(first, min(first + ahead, stop)))
     with ThreadPoolExecutor(1) as writer:
         try:
@@ -274,6 +276,15 @@ def _damaged(folder: Path, why: object) -> DocumentError:
         f"{folder}: the samples are damaged ({why}): apply compute_svbrdf_samples again, with "
         "--force"
     )
+
+
+def _cut(counts: np.ndarray, samples: int) -> np.ndarray:
+    """Where texels (n,) are cut into pieces of about so many samples: 0, …, n."""
+    total = room(len(counts) + 1, np.int64)
+    total[0] = 0
+    np.cumsum(counts, out=total[1:])
+    cuts = np.searchsorted(total, np.arange(samples, total[-1], samples))
+    return np.unique(np.concatenate([[0], cuts, [len(counts)]]))
 
 
 @dataclass(frozen=True)
@@ -383,9 +394,10 @@ class SampleStore:
     def counts(self) -> np.ndarray:
         """Samples per texel, (T,) int64, not to be written to."""
         if self._counts is None:
-            total = np.zeros(self.texels, np.int64)
+            total = room(self.texels, np.int64)
+            total[:] = 0
             for chunk in self.chunks:
-                offsets = np.empty(self.texels + 1, np.uint32)
+                offsets = room(self.texels + 1, np.uint32)
                 chunk.read("offsets", 0, offsets)
                 _add_counts(offsets, total)
             total.flags.writeable = False
@@ -420,9 +432,7 @@ class SampleStore:
 
     def block_bounds(self, samples: int = 1 << 21) -> list[tuple[int, int]]:
         """Ranges of texels with about `samples` samples each; they depend on the store alone."""
-        total = np.concatenate([[0], np.cumsum(self.counts())])
-        cuts = np.searchsorted(total, np.arange(samples, total[-1], samples))
-        edges = np.unique(np.concatenate([[0], cuts, [self.texels]]))
+        edges = _cut(self.counts(), samples)
         return list(zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True))
 
     def blocks(self, samples: int = 1 << 21) -> Iterator[Block]:
@@ -501,10 +511,8 @@ class SampleStore:
         It is given a piece's samples, from `read_texels`, and which of the n texels they are of;
         results come in the order of the pieces, which depend on the store and the texels alone.
         """
-        total = np.concatenate([[0], np.cumsum(self.counts()[texels])])
-        cuts = np.searchsorted(total, np.arange(samples, total[-1], samples))
-        edges = np.unique(np.concatenate([[0], cuts, [len(texels)]])).tolist()
-        pieces = [slice(a, b) for a, b in pairwise(edges)]
+        edges = _cut(taken(self.counts(), texels), samples)
+        pieces = [slice(a, b) for a, b in pairwise(edges.tolist())]
         results = []
         with ThreadPoolExecutor(thread_count()) as pool:
             found = pool.map(lambda own: work(self.read_texels(texels[own]), own), pieces)

@@ -25,7 +25,7 @@ from meshlab_svbrdf.bench.machine import cores, machine
 from meshlab_svbrdf.bench.machine import measure as measured
 from meshlab_svbrdf.bench.measure import Wanted, benchmark
 from meshlab_svbrdf.bench.score import diffuse_error
-from meshlab_svbrdf.bench.sheets import huge_sheets, sheets
+from meshlab_svbrdf.bench.sheets import huge_sheets, sheets, shown_sheet
 from meshlab_svbrdf.bench.workload import Options, make_workload
 from meshlab_svbrdf.document.document import Document
 from meshlab_svbrdf.errors import SvbrdfError
@@ -115,6 +115,16 @@ def test_a_huge_object_is_extrapolated(tmp_path, here, monkeypatch):
     for sheet in huge_sheets(told):
         assert {len(cells) for cells in sheet.cells} == {len(sheet.headings)}
         sheet.rich()
+
+
+def test_an_object_in_udim_tiles_is_run_once(tmp_path, here, monkeypatch):
+    monkeypatch.setattr(huge, "measure", measure.measure)
+    told = huge.shown(16, 32, replace(TINY, step=22.5), tmp_path)
+    assert told["texels"] == pytest.approx(6 * (0.94 * 32) ** 2, rel=0.05)
+    assert not list(tmp_path.glob("*/huge-*"))
+    sheet = shown_sheet(told)
+    assert {len(cells) for cells in sheet.cells} == {len(sheet.headings)}
+    assert [cells[0] for cells in sheet.cells][-2:] == ["save", "whole"]
 
 
 def test_two_numbers_of_threads_are_compared(tmp_path, here):

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from meshlab_svbrdf.geometry import nearest as module
 from meshlab_svbrdf.geometry.nearest import nearest
 
 
@@ -24,7 +25,9 @@ POINTS = {
 
 @pytest.mark.parametrize("name", POINTS)
 @pytest.mark.parametrize("k", [1, 2, 9])
-def test_against_all_distances(name, k):
+@pytest.mark.parametrize("planted", [module.PLANTED, 7])
+def test_against_all_distances(monkeypatch, name, k, planted):
+    monkeypatch.setattr(module, "PLANTED", planted)
     points = POINTS[name].astype(np.float64)
     k = min(k, len(points))
     away = np.linalg.norm(points[:, None] - points, axis=2)

@@ -94,7 +94,7 @@ def test_between_vertices_that_agree_no_rays_are_needed(monkeypatch):
     monkeypatch.setattr(_Obstacles, "taken", counted)
     found, all_of_them = vertex_visibility(mesh), np.arange(len(v))
     assert sum(shot) < 0.65 * len(v)
-    taken = shoot(_Obstacles(mesh, -v, 512), all_of_them, lambda share: None)
+    taken = shoot(_Obstacles(mesh, -v, 512, Rays(mesh)), all_of_them, lambda share: None)
     every = _hemispheres(-v) - taken
     assert np.sqrt(np.mean((found - every) ** 2)) < 0.008
     assert np.sqrt(((found - every) ** 2).sum(axis=1).max() / (4 * np.pi)) < 0.05
