@@ -19,6 +19,8 @@ PASSES = ("compute_svbrdf_luminance_threshold", "compute_svbrdf_diffuse_color",
           "compute_svbrdf_material_specular")  # fmt: skip
 SAMPLES = "compute_svbrdf_samples"
 OBJECTS, MACHINES = 10_000, (1, 10, 100, 1000)
+LONGER = (1, 10)
+"""As many frames as were measured, for one object on paper."""
 
 
 def tables(rows: Sequence[Row]) -> list[Table]:
@@ -29,7 +31,8 @@ def tables(rows: Sequence[Row]) -> list[Table]:
     if some:
         made.append(_moved(some[-1]))
     if some and here:
-        made += [_one_object(here, some[-1]), _many_objects(here, some[-1])]
+        made += [_one_object(here, some[-1], times) for times in LONGER]
+        made.append(_many_objects(here, some[-1]))
     return made + [
         _processor(row) for row in rows if "error" not in row and row["scene"] == PROCESSOR
     ]
@@ -99,33 +102,39 @@ def _moved(row: Row) -> Table:
     )  # fmt: skip
 
 
-def _one_object(here: Row, row: Row) -> Table:
-    """Amdahl: what spreads is divided, what does not stays, what travels is added."""
-    rest = _sum(row, "cpu_seconds") / here["cores"]
+def _one_object(here: Row, row: Row, times: int) -> Table:
+    """Amdahl: what spreads is divided, what does not stays, what travels is added.
+
+    times : as many frames as were measured; what spreads grows with them, and nothing else
+    """
+    cores = here["cores"]
+    rest = _sum(row, "cpu_seconds") / cores
     stages = [s for s in row["stages"] if s.get("tasks")]
-    work = sum(s["task_cpu"] for s in stages)
+    once = sum(s["task_cpu"] for s in stages)
+    work, most = once * times, max(s["tasks"] for s in stages) * times
     sent, given = (sum(s[key] for s in stages) for key in ("sent", "returned"))
-    count = sum(s["tasks"] for s in stages)
-    disk = here["frame_bytes"] + (1 + len(PASSES)) * here["store_bytes"]
-    cells = []
-    for cores in MACHINES:
-        each = min(cores, max(s["tasks"] for s in stages))
-        line = sent * max(cores.bit_length(), 1) / NETWORK + given / NETWORK + count * row["empty"]
-        shared = max(work / each, disk / DISK)
+    count = sum(s["tasks"] for s in stages) * times
+    disk = (here["frame_bytes"] + (1 + len(PASSES)) * here["store_bytes"]) * times / DISK
+    alone = (_sum(here, "cpu_seconds") + work - once) / cores
+    cells = [["none: one process", *["–"] * 4, f"{max(alone, disk):.1f}"]]
+    for workers in MACHINES:
+        each = min(workers, most)
+        line = sent * max(workers.bit_length(), 1) / NETWORK + given / NETWORK
+        line += count * row["empty"]
+        shared = max(work / each, disk)
         cells.append([
-            f"{cores}", f"{rest:.1f}", f"{work / each:.1f}", f"{disk / DISK:.1f}", f"{line:.1f}",
+            f"{workers}", f"{rest:.1f}", f"{work / each:.1f}", f"{disk:.1f}", f"{line:.1f}",
             f"{rest + shared + line:.1f}",
         ])  # fmt: skip
     return Table(
-        f"On paper: one object of {here['frames']} frames",
+        f"On paper: one object of {here['frames'] * times:,} frames",
         ["workers' cores", "s that do not spread", "s of work", "s of the shared disk",
          "s of network and scheduler", "s"],
         cells,
         (f"A network of {NETWORK / 1e6:.0f} MB/s and a shared disk of {DISK / 1e6:.0f} MB/s; "
-         f"what does not spread keeps {here['cores']} cores busy; work and disk overlap; "
-         "what is sent to every worker goes on from one to the next, twice as many each "
-         "time; there are no more tasks than "
-         f"{max(s['tasks'] for s in stages)} in a stage.",),
+         f"what does not spread keeps {cores} cores busy, as one process does; work and disk "
+         "overlap; what is sent to every worker goes on from one to the next, twice as many each "
+         f"time; there are no more tasks than {most} in a stage.",),
     )  # fmt: skip
 
 

@@ -110,13 +110,16 @@ def _run(entry: Entry, folder: Path, options: Sequence[str]) -> tuple[int, dict[
     """Exit code, outcomes and error of `run` in a process of its own."""
     command = [*RUN, str(entry.project), "-o", str(folder / entry.name), "--json", *options]
     code, told, error = _child(command)
-    return code, _outcomes(told), error
+    return code, _outcomes(told, _record(place(entry.project, folder / entry.name))), error
+
+
+def _record(project: Path) -> Path:
+    return project.with_suffix(".svbrdf") / "svbrdf.json"
 
 
 def _report(project: Path, page: Path) -> list[str]:
     """Write a project's own report, unless it is newer than the result; why there is none."""
-    record = project.with_suffix(".svbrdf") / "svbrdf.json"
-    if page.exists() and page.stat().st_mtime > record.stat().st_mtime:
+    if page.exists() and page.stat().st_mtime > _record(project).stat().st_mtime:
         return []
     code, _, error = _child([*REPORT, str(project), "-o", str(page)])
     return [f"No report of its own: {error}."] if code else []
@@ -144,9 +147,14 @@ def _child(command: Sequence[str]) -> tuple[int, str, str]:
     return child.returncode, told, said
 
 
-def _outcomes(told: str) -> dict[str, str]:
+def _outcomes(told: str, record: Path) -> dict[str, str]:
+    """What each filter said; one that had nothing to do, when it ran."""
     try:
-        return {stage["name"]: stage["message"] for stage in json.loads(told)["stages"]}
+        stages = json.loads(told)["stages"]
+        found = {stage["name"]: stage["message"] for stage in stages}
+        earlier = [stage["name"] for stage in stages if stage.get("skipped")]
+        runs = json.loads(record.read_text(encoding="utf-8"))["runs"] if earlier else {}
+        return found | {name: runs[name]["message"] for name in earlier if name in runs}
     except (ValueError, KeyError, TypeError):  # killed before it could tell
         return {}
 

@@ -203,8 +203,8 @@ def make_plan(document: Document, steps: list[Step], given: Mapping[str, Any]) -
         _highlights(trial, given),
         _reduction(reduce, found.pixels_per_texel(side), given),
     ]
-    if trial and (trial.share * used < FEW or LEAST in given):
-        decisions.append(_few(trial.share * used, given))
+    if trial and (round(trial.share * used) < FEW or LEAST in given):
+        decisions.append(_few(round(trial.share * used), given))
     there = {step.name for step in steps}
     for decision in decisions:
         for name, value in decision.sets.items():
@@ -280,11 +280,11 @@ def _frames(used: int, there: int, said: str, given: Mapping[str, Any]) -> Decis
     )
 
 
-def _few(samples: float, given: Mapping[str, Any]) -> Decision:
+def _few(samples: int, given: Mapping[str, Any]) -> Decision:
     """How many samples a texel must have, where it has few."""
     asked = LEAST in given
     least = FEWEST_SAMPLES if TRUSTED_SAMPLES <= samples < FEW else MINIMUM_SAMPLES
-    reason = f"a texel is seen by about {samples:.0f} frames: "
+    reason = f"a texel is seen by about {samples} frames: "
     if samples < TRUSTED_SAMPLES:
         reason += f"below {TRUSTED_SAMPLES} lights and gloss are not to be trusted; take more"
     elif samples < FEW:

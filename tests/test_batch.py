@@ -198,3 +198,13 @@ def test_two_films_in_the_shell(tmp_path, tmp_path_factory):
     ) if element == "a"]  # fmt: skip
     assert links == ["#lost", "totem/totem.html"]
     parsed((tmp_path / "out" / "totem" / "totem.html").read_text(encoding="utf-8"))
+
+    # Once more, with nothing to do for it: the table has what was said then
+    table = (tmp_path / "out" / "batch.csv").read_text()
+    CliRunner().invoke(app, [str(word) for word in words])
+    first, second = (
+        [row["compute_svbrdf_texels"] for row in csv.DictReader(text.splitlines())]
+        for text in (table, (tmp_path / "out" / "batch.csv").read_text())
+    )
+    assert "texels at" in first[0]
+    assert first == second

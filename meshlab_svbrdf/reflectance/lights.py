@@ -10,7 +10,7 @@ from skimage.measure import label
 from .directions import directions, solid_angles
 from .environment import EnvironmentMap
 
-TRUSTED_SAMPLES = 8
+TRUSTED_SAMPLES = 6
 """Samples of a texel, median, below which lights may be false or far off (docs/sequences.md)."""
 LEAST_RESULTANT = 0.1
 """|mean direction| of a blob below which it comes from all around and is no light."""

@@ -35,14 +35,17 @@ def test_bytes_are_those_of_the_arrays():
 
 
 def test_what_is_on_paper_adds_up():
-    times, _, one, many = cluster.tables([row(0, 10.0, 40.0), row(2, 4.0)])
+    times, _, one, longer, many = cluster.tables([row(0, 10.0, 40.0), row(2, 4.0)])
     assert [cells[1] for cells in times.cells] == ["50.0", "20.0"]
     assert [cells[-1] for cells in times.cells] == ["yes", "yes"]
     # One core does all 28 s of work; 5 stages of 1 CPU s here do not spread
-    assert one.cells[0][1:3] == ["2.5", "28.0"]
-    assert float(one.cells[0][-1]) == pytest.approx(2.5 + 28 + 4 * 50e6 / 125e6 + 0.224, 0.01)
+    assert one.cells[1][1:3] == ["2.5", "28.0"]
+    assert float(one.cells[1][-1]) == pytest.approx(2.5 + 28 + 4 * 50e6 / 125e6 + 0.224, 0.01)
+    # One process takes 200 CPU s on two cores; of ten times the frames 9 · 28 s more
+    assert [table.cells[0][-1] for table in (one, longer)] == ["100.0", "226.0"]
+    assert [cells[2] for cells in longer.cells[1:]] == ["280.0", "28.0", "2.8", "0.7"]
     # No more cores are of use than there are tasks
-    assert one.cells[2][2] == one.cells[3][2] == "0.7"
+    assert one.cells[3][2] == one.cells[4][2] == "0.7"
     # 10,000 objects of 200 CPU s; each moves .3 + 4 · .5 + .1 GB: the disk is full at 42 machines
     assert [float(cells[1].replace(",", "")) for cells in many.cells[:2]] == [277.8, 27.8]
     assert many.cells[2][1] == many.cells[3][1] == "6.7"

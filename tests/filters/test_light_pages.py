@@ -216,7 +216,7 @@ def test_of_hundreds_of_lights_the_strongest_are_kept_and_it_is_said(
     np.testing.assert_array_equal([k["direction"] for k in kept], [m.direction for m in many[:32]])
 
 
-@pytest.mark.parametrize(("frames", "trusted"), [(20, False), (0, True)])
+@pytest.mark.parametrize(("frames", "trusted"), [(14, False), (0, True)])
 def test_lights_of_too_few_frames_are_not_to_be_trusted(
     tmp_path_factory, tmp_path, frames, trusted
 ):
