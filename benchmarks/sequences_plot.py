@@ -19,6 +19,7 @@ PANELS = (  # title, figure of a row, whether its axis is logarithmic
 )
 COLORS, MARKERS = ("#1f3a93", "#c0453b", "#2e8b57", "#d2691e"), ("o", "D", "^", "s")
 LEAST = 1e-3  # of what is drawn on a logarithmic axis
+NEAR = 1.3  # ratio of two numbers of frames whose labels would touch
 
 
 def sequences_plot(rows: Sequence[Row], path: Path) -> None:
@@ -41,7 +42,7 @@ def sequences_plot(rows: Sequence[Row], path: Path) -> None:
             axis.set_title(title, fontsize=9)
             axis.set_xscale("log", base=2)
             counts = sorted({row["frames"] for row in own})
-            axis.set_xticks(counts, [str(count) for count in counts], fontsize=7)
+            axis.set_xticks(counts, _apart(counts), fontsize=7)
             axis.minorticks_off()
             axis.grid(alpha=0.25)
         axes[0].set_ylabel(scene, fontsize=10)
@@ -50,6 +51,15 @@ def sequences_plot(rows: Sequence[Row], path: Path) -> None:
         axis.set_xlabel("frames", fontsize=8)
     figure.savefig(path, dpi=100)
     pyplot.close(figure)
+
+
+def _apart(counts: Sequence[int]) -> list[str]:
+    """Ascending numbers as labels, but those that would touch the one before."""
+    labels, last = [], 0.0
+    for count in counts:
+        labels.append(str(count) if count >= NEAR * last else "")
+        last = count if labels[-1] else last
+    return labels
 
 
 def _panel(axis, rows: Sequence[Row], key: str, logarithmic: bool) -> None:
