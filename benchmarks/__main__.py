@@ -11,6 +11,7 @@
     python -m benchmarks relighting               other light, and the time of a picture
     python -m benchmarks stability [--scene extremes|files|guards|…]
     python -m benchmarks materials [--scene …]    areas of one material, found and edited by hand
+    python -m benchmarks microfacets              rough plastic and gold of known roughness
     python -m benchmarks hdr                      8 bits, 16, floats, brackets
     python -m benchmarks sequences                few photographs or many small frames
     python -m benchmarks page                     how long the page of `view` lets one wait
@@ -43,6 +44,7 @@ from . import (
     export,
     hdr,
     materials,
+    microfacets,
     page,
     performance,
     photographs,
@@ -54,7 +56,7 @@ from . import (
 from .cases import LONG, PHOTOGRAPHS, SAMPLE, Case, available, why_not
 from .documents import write_documents
 from .ledger import Ledger, Row, Task
-from .scenes.catalogue import SCENES
+from .scenes.catalogue import COMPARED
 from .scenes.make import cache_folder
 from .solve import warm_up
 from .stability import part as stability
@@ -62,7 +64,7 @@ from .stability import part as stability
 SLOW = "mitsuba"  # this peer is compared over time, on one scene
 _PARTS = (
     accuracy, timing, ablation, photographs, performance, registration, export, relighting,
-    stability, materials, page, hdr, cluster, sequences,
+    stability, materials, microfacets, page, hdr, cluster, sequences,
 )  # fmt: skip
 PARTS = {part.PART: part for part in _PARTS}
 
@@ -110,7 +112,7 @@ def wanted(arguments: argparse.Namespace, ledger: Ledger) -> tuple[list[Task], l
     if not parts:
         tasks += accuracy.tasks(ledger, cases(accuracy.SMALL), size or 256, ())
     if accuracy.PART in parts:
-        every = [*SCENES, LONG]
+        every = [*COMPARED, LONG]
         quick = [name for name in peers if name != SLOW]
         tasks += accuracy.tasks(ledger, cases(every), size or 512, quick)
     if timing.PART in parts:
@@ -143,7 +145,9 @@ def wanted(arguments: argparse.Namespace, ledger: Ledger) -> tuple[list[Task], l
         if not arguments.scene or stability.HONEST in arguments.scene:
             notes.extend(missing)
     if materials.PART in parts:
-        tasks += materials.tasks(ledger, cases([SAMPLE, *SCENES, LONG]), size or 512)
+        tasks += materials.tasks(ledger, cases([SAMPLE, *COMPARED, LONG]), size or 512)
+    if microfacets.PART in parts:
+        tasks += microfacets.tasks(ledger, cases(microfacets.FILMS), size or 512)
     if hdr.PART in parts:
         tasks += hdr.tasks(ledger, arguments.cache)
     if sequences.PART in parts:

@@ -13,6 +13,7 @@ from . import (
     export,
     hdr,
     materials,
+    microfacets,
     page,
     performance,
     photographs,
@@ -32,6 +33,7 @@ SPEED, CAMERAS = ROOT / "docs" / "performance.md", ROOT / "docs" / "registration
 RELIT = {"relighting": ROOT / "docs" / "albedo.md", "rendering": ROOT / "docs" / "rendering.md"}
 STABILITY = ROOT / "docs" / "stability.md"
 HDR = ROOT / "docs" / "hdr.md"
+GLOSS = ROOT / "docs" / "material_specular.md"
 MATERIALS, VIEW = ROOT / "docs" / "materials.md", ROOT / "docs" / "view.md"
 PICTURE = ROOT / "docs" / "images" / "accuracy_time.png"
 SCALING = ROOT / "docs" / "scaling.md"
@@ -62,7 +64,10 @@ def write_documents(rows: Mapping[str, Sequence[Row]]) -> None:
     if own := rows.get(export.PART):
         splice(EXPORT, export.PART, "\n\n".join(each.markdown() for each in export.tables(own)))
         export.picture(own, EXPORT_PICTURE)
-    for part, path in ((materials, MATERIALS), (page, VIEW), (hdr, HDR), (cluster, SCALING)):
+    pages = (
+        (materials, MATERIALS), (microfacets, GLOSS), (page, VIEW), (hdr, HDR), (cluster, SCALING),
+    )  # fmt: skip
+    for part, path in pages:
         if own := rows.get(part.PART):
             splice(path, part.PART, "\n\n".join(each.markdown() for each in part.tables(own)))
     if own := rows.get(performance.PART):

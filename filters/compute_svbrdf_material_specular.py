@@ -27,7 +27,7 @@ from ._stages import read_curved_observations, read_lights_found, read_observati
 FILTER = Filter(
     name="compute_svbrdf_material_specular",
     title="SVBRDF: specular per material",
-    version=2,
+    version=3,
     needs=(
         "mesh", "rasters", "texels", "visibility", "samples", "environment", "diffuse", "lights",
         "materials",

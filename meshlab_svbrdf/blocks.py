@@ -3,6 +3,7 @@
 blocks   slices of a long array      room      a long array that need not be in memory
 rowwise  what is computed from each row      resting   a copy that need not be
 taken    the rows at some places             places    where a mask is true
+in_pieces   work on ranges, on all cores
 """
 
 from __future__ import annotations
@@ -10,13 +11,18 @@ from __future__ import annotations
 import os
 import tempfile
 from collections.abc import Callable, Iterator
-from typing import Any
+from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
+from typing import Any, TypeVar
 
 import numpy as np
 
 from .errors import SvbrdfError
+from .threads import thread_count
 
+Result = TypeVar("Result")
 BLOCK = 1 << 18
+PIECES = 32
 LARGE = int(os.environ.get("MESHLAB_SVBRDF_LARGE", 64 << 20))
 """Bytes from which on a working array lies in a file."""
 
@@ -80,3 +86,13 @@ def places(mask: np.ndarray) -> np.ndarray:
         found[count : count + len(here)] = here + own.start
         count += len(here)
     return found
+
+
+def in_pieces(work: Callable[[int, int], Result], count: int) -> list[Result]:
+    """`work`(first, stop) on ranges of 0..count, on all cores; the ranges depend on count alone."""
+    pieces = max(PIECES, -(-count // BLOCK))
+    edges = [count * piece // pieces for piece in range(pieces + 1)]
+    if thread_count() == 1:
+        return [work(first, stop) for first, stop in pairwise(edges)]
+    with ThreadPoolExecutor(thread_count()) as pool:
+        return list(pool.map(lambda ends: work(*ends), pairwise(edges)))

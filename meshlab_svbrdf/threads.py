@@ -4,14 +4,8 @@ import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from itertools import pairwise
 from threading import local
-from typing import Any, TypeVar
-
-from .blocks import BLOCK
-
-Result = TypeVar("Result")
-PIECES = 32
+from typing import Any
 
 _own = local()
 
@@ -21,16 +15,6 @@ def thread_count() -> int:
     if getattr(_own, "alone", False):
         return 1
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-def in_pieces(work: Callable[[int, int], Result], count: int) -> list[Result]:
-    """`work`(first, stop) on ranges of 0..count, on all cores; the ranges depend on count alone."""
-    pieces = max(PIECES, -(-count // BLOCK))
-    edges = [count * piece // pieces for piece in range(pieces + 1)]
-    if thread_count() == 1:
-        return [work(first, stop) for first, stop in pairwise(edges)]
-    with ThreadPoolExecutor(thread_count()) as pool:
-        return list(pool.map(lambda ends: work(*ends), pairwise(edges)))
 
 
 def side_by_side(*works: Callable[[], Any]) -> list[Any]:

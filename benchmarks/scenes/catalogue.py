@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from .variant import Lamp, Material, Variant
+from .variant import GgxMaterial, Lamp, Material, Variant
 
 # Materials: very shiny and dark, ordinary gloss, dull and bright, matte
 LACQUER = Material("lacquer", 0.8, 300.0, (0.02, 0.02, 0.03), (0.05, 0.04, 0.06))
@@ -18,6 +18,8 @@ FOUR = (LACQUER, GLAZE, WAX, PLASTER)
 BALL = Material("plastic ball", None, None, (0.30, 0.02, 0.02), (0.45, 0.05, 0.04), plastic=0.1)
 DULL = Material("dull plastic", None, None, (0.05, 0.12, 0.30), (0.10, 0.22, 0.45), plastic=0.3)
 GOLD = Material("gold", None, None, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), gold=0.2)
+GGX_BALL = GgxMaterial("GGX plastic", None, None, BALL.dark, BALL.bright, plastic=0.15)
+GGX_GOLD = GgxMaterial("GGX gold", None, None, GOLD.dark, GOLD.bright, gold=0.25)
 
 # Two colours, each in two glosses
 DULL_GLAZE = replace(GLAZE, name="dull glaze", rho_s=0.15, alpha=8.0)
@@ -87,4 +89,7 @@ _ALL = (
     _like(CONVEX, "far_z_up", "at map coordinates, +Z up", offset=1e6, z_up=True),
     _like(CONCAVE, "interreflections", "the vessel with light that bounces", depth=4),
 )  # fmt: skip
-SCENES = {variant.name: variant for variant in _ALL}
+GGX = _like(CONVEX, "ggx", "rough plastic and gold with GGX's long tails, and plaster",
+            materials=(GGX_BALL, GGX_GOLD, PLASTER))  # fmt: skip
+COMPARED = tuple(variant.name for variant in _ALL)  # by the accuracy of all that is found
+SCENES = {variant.name: variant for variant in (*_ALL, GGX)}

@@ -160,11 +160,17 @@ def _bsdf(maps: Maps, variant: Variant) -> dict:
         if material.plastic is not None:
             other = {
                 "type": "roughplastic",
+                "distribution": material.distribution,
                 "alpha": material.plastic,
                 "diffuse_reflectance": albedo,
             }
         elif material.gold is not None:
-            other = {"type": "roughconductor", "alpha": material.gold, "material": "Au"}
+            other = {
+                "type": "roughconductor",
+                "distribution": material.distribution,
+                "alpha": material.gold,
+                "material": "Au",
+            }
         else:
             continue
         mask = per_material([float(k == i) for i in range(len(variant.materials))])

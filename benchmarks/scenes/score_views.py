@@ -9,6 +9,7 @@ from typing import Any
 
 import cv2
 import numpy as np
+from skimage.color import deltaE_ciede2000, rgb2lab
 from skimage.metrics import structural_similarity
 
 from meshlab_svbrdf.document.images import read_image
@@ -22,7 +23,7 @@ _FIVE = np.ones((5, 5), np.uint8)
 
 
 def unseen_views(rendered: Path, truth: Path) -> dict[str, Any]:
-    """PSNR and SSIM in sRGB over the object's pixels.
+    """PSNR and SSIM in sRGB, and mean CIEDE2000, over the object's pixels.
 
     rendered : folder of PNG files under the views' names; truth : ground_truth.
     psnr_highlights, ssim_highlights : over the brightest tenth
@@ -30,6 +31,7 @@ def unseen_views(rendered: Path, truth: Path) -> dict[str, Any]:
         the frames' pixels
     """
     everywhere, highlights, inner, similar, similar_highlights = [], [], [], [], []
+    differences = []
     project = read_project(truth / "views" / "project.mlp")
     for raster, inside in zip(project.rasters, _inner(truth), strict=True):
         expected, got = (
@@ -42,6 +44,8 @@ def unseen_views(rendered: Path, truth: Path) -> dict[str, Any]:
         got = np.where(whole[..., None] > 0, got, expected)  # what is around does not count
         square, bright = ((expected - got) ** 2).mean(-1), expected.mean(-1)[on]
         everywhere.append(_psnr(square[on]))
+        labs = (rgb2lab(image[on] / 255) for image in (expected, got))
+        differences.append(deltaE_ciede2000(*labs).mean())
         high = bright >= np.quantile(bright, 0.9)
         highlights.append(_psnr(square[on][high]))
         inner.append(_psnr(square[on & inside]))
@@ -51,6 +55,7 @@ def unseen_views(rendered: Path, truth: Path) -> dict[str, Any]:
     return {
         "psnr": float(np.mean(everywhere)),
         "psnr_worst": float(min(everywhere)),
+        "dE_views": float(np.mean(differences)),
         "psnr_highlights": float(np.mean(highlights)),
         "psnr_inner": float(np.mean(inner)),
         "ssim": float(np.mean(similar)),

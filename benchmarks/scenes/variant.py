@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -65,7 +66,8 @@ class Material:
     """Colours are linear albedos, mixed by a cloudy pattern.
 
     rho_s, alpha : the paper's lobe; None for materials that Phong only approximates
-    plastic, gold : roughness (Beckmann) of a dielectric layer over the colour, or of gold
+    plastic, gold : roughness of a dielectric layer over the colour, or of gold
+    distribution : of their microfacets
     """
 
     name: str
@@ -75,6 +77,13 @@ class Material:
     bright: tuple[float, float, float]
     plastic: float | None = None
     gold: float | None = None
+    distribution: ClassVar[str] = "beckmann"
+
+
+class GgxMaterial(Material):
+    """One with longer tails."""
+
+    distribution: ClassVar[str] = "ggx"
 
 
 @dataclass(frozen=True)

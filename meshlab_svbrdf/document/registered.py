@@ -4,13 +4,16 @@
         {"label", "file", "index", "time", "used", "status", "reason", "residual", "inliers",
          "confidence", "blur", "camera": {...} | null, "lens": {...} | null}]}]}
 
-A clip without a source is made of rasters that the project has: they keep their files.
+A clip without a source is made of rasters that the project has: they keep their files. Exposures of
+one view stand beside the clips, as `bracket_json` makes them: {"brackets": [{"label", "file",
+"sequence", "mask", "exposure", "camera"}]}.
 """
 
 from __future__ import annotations
 
 import csv
 import io
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -22,8 +25,8 @@ from ..geometry.lens import Lens
 from .deep_images import kind_of
 from .exposure import told_exposure
 from .footage import Clip
-from .project import Project
-from .project_entries import absolute
+from .project import Project, RasterEntry
+from .project_entries import absolute, mask_beside
 from .video_names import FRAMES, VideoFrame, name_frame, read_videos, write_videos
 
 FORMAT = 1
@@ -68,6 +71,16 @@ def clip_json(clip: Clip | None, frames: list[FrameReport]) -> dict[str, Any]:
             for frame in frames
         ],
     }
+
+
+def bracket_json(file: Path, model: RasterEntry, exposure: float) -> dict[str, Any]:
+    """The entry of an image that shows what the raster `model` does, with its own exposure."""
+    mask = mask_beside(file) or model.mask
+    return {
+        "label": file.name, "file": file.as_posix(), "sequence": model.sequence,
+        "mask": None if mask is None else mask.as_posix(), "exposure": exposure,
+        "camera": asdict(model.camera),
+    }  # fmt: skip
 
 
 def report_csv(clips: list[dict[str, Any]]) -> str:
@@ -119,6 +132,7 @@ def place_rasters(project: Project, folder: Path, told: dict[str, Any]) -> None:
             _add_video_frames(project, folder, clip)
         else:
             _add_images(project, folder, clip)
+    _add_brackets(project, told.get("brackets", ()))
 
 
 def camera_from(told: dict[str, Any]) -> Camera:
@@ -184,6 +198,22 @@ def _add_images(project: Project, folder: Path, clip: dict[str, Any]) -> None:
         if any(raster.label == label for raster in project.rasters):
             label = f"{source.name}_{label}"
         project.add_raster(label, path, camera_from(frame["camera"]), exposure=exposure)
+
+
+def _add_brackets(project: Project, shots: Sequence[dict[str, Any]]) -> None:
+    """Rasters of these images, in this order, behind all others; what is known of them stays."""
+    known = {raster.path: raster for raster in project.rasters}
+    placed = []
+    for shot in shots:
+        path = absolute(shot["file"])
+        camera = camera_from(shot["camera"])
+        raster = known.get(path) or project.add_raster(
+            shot["label"], path, camera, sequence=shot["sequence"], mask=shot["mask"]
+        )
+        raster.camera, raster.exposure, raster.sequence = camera, shot["exposure"], shot["sequence"]
+        placed.append(raster)
+    places = {raster.path for raster in placed}
+    project.rasters[:] = [r for r in project.rasters if r.path not in places] + placed
 
 
 def _forget(project: Project, paths: set[Path]) -> None:

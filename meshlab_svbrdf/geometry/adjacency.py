@@ -10,9 +10,8 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
-from ..blocks import blocks, room
+from ..blocks import blocks, in_pieces, room
 from ..jit import kernel
-from ..threads import in_pieces
 from .nearest import nearest, nearest_to
 
 # Generally don't change these: a square grid has its diagonal at 1.4 spacings and a seam between

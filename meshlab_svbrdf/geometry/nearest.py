@@ -10,9 +10,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
-from ..blocks import blocks, places, resting, room, taken
+from ..blocks import blocks, in_pieces, places, resting, room, taken
 from ..jit import kernel
-from ..threads import in_pieces
 
 WIDE = 1.7
 """A cell's side, in distances between a point and its fourth nearest (the median of some)."""

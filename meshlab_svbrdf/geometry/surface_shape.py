@@ -8,9 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..blocks import room
+from ..blocks import in_pieces, room
 from ..jit import kernel
-from ..threads import in_pieces
 from .adjacency import neighbours
 from .tangents import tangents
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from ..blocks import LARGE
 from ..samples.chunks import HELD_BYTES
 
 SAMPLE_BYTES = 5
@@ -76,14 +77,17 @@ BY_COLOR = Rate(0.0, {"texels": 4.0})
 """Of MATERIALS where no highlights are compared."""
 UNFITTED = Rate(0.5, {"once": 0.5, "texels": 2.0, "samples": 0.05})
 """Of GLOSS where nothing is fitted."""
-PROGRAM_BYTES, MATERIAL_BYTES, TEXEL_BYTES, FITTED_BYTES = 250e6, 1620.0, 430.0, 60.0
-"""Of memory: of the program; per texel, while materials grow and else; per fitted sample."""
+PROGRAM_BYTES, MATERIAL_BYTES, TEXEL_BYTES, FITTED_BYTES = 250e6, 420.0, 330.0, 60.0
+"""Of memory that is no file's: of the program; per texel, while materials grow and else; per
+fitted sample."""
 GROWN_TEXELS = 1e6
 """Materials grow on no more than these (`reflectance.materials.segment_surface`)."""
-LABEL_BYTES = 100.0
-"""Of memory, per texel of all, meanwhile."""
-MESH_BYTES = 1640.0
-"""Of memory, per vertex, while charts are checked and rays are shot."""
+HELD_TEXELS = LARGE / 12
+"""Of more texels what is worked on lies in files (`blocks.room`), three float32 each."""
+FILED_BYTES = 89.0
+"""Of memory, per texel of all, however many there are (docs/huge_objects.md)."""
+MESH_BYTES = 680.0
+"""Of memory, per vertex, while rays are shot and frames are sampled."""
 RESULT_BYTES, VERTEX_BYTES, MAP_BYTES = 300.0, 300.0, 5e6
 """On disk: per texel, per vertex, and of the environment map."""
 
@@ -139,17 +143,19 @@ def result_bytes(work: Work) -> float:
 
 
 def memory_bytes(work: Work, held: int) -> float:
-    """Resident memory at its peak: of projecting, of growing materials, of the fit, or of the mesh.
+    """Memory at its peak that is no file's: of projecting, of growing materials, of the fit, or of
+    the mesh.
 
     held : bytes of samples that are held before a chunk is written
     """
     frame = HELD_BYTES * min(work.samples / max(work.frames, 1), work.texels)
     projecting = min(float(held), HELD_BYTES * work.samples) * (2 + SAMPLE_BYTES / HELD_BYTES)
-    projecting += 3 * work.cores * frame  # sampled ahead, and while they are
+    projecting += min(3 * work.cores * frame, 3.0 * held)  # sampled ahead, and while they are
     fitting = FITTED_BYTES * min(work.samples, work.fitted)
-    at_texels = TEXEL_BYTES * work.texels + max(projecting, fitting)
-    growing = MATERIAL_BYTES * min(work.texels, GROWN_TEXELS) + LABEL_BYTES * work.texels
-    return PROGRAM_BYTES + max(at_texels, growing, MESH_BYTES * work.vertices)
+    at_texels = TEXEL_BYTES * min(work.texels, HELD_TEXELS) + max(projecting, fitting)
+    growing = MATERIAL_BYTES * min(work.texels, GROWN_TEXELS)
+    most = max(at_texels, growing, MESH_BYTES * work.vertices)
+    return PROGRAM_BYTES + FILED_BYTES * work.texels + most
 
 
 def store_bytes(samples: float, texels: float, frames: int, memory: int, bits: int = 8) -> float:

@@ -13,13 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from ..blocks import places, room, rowwise, taken
+from ..blocks import in_pieces, places, room, rowwise, taken
 from ..geometry.adjacency import neighbours, thin
 from ..geometry.harmonics import COEFFICIENTS, evaluate
 from ..geometry.texels import Texels
 from ..jit import kernel
 from ..samples.observations import Observations
-from ..threads import in_pieces
 from .lights import Light
 from .phong import cast_shadows, lamps, light_texels
 

@@ -1,4 +1,8 @@
-"""The diffuse colour once the highlights S are known: D_i = Σ w'(I − c_m S) / Σ w'."""
+"""The diffuse colour once the highlights S are known: D_i = Σ w'(I − c_m S) / Σ w'.
+
+S is what pixels show of the lobe (`pixel_blur`): around a highlight on a curved surface that is
+more than the lobe itself, and would be left in D.
+"""
 
 from __future__ import annotations
 
@@ -14,11 +18,15 @@ from ..ranks import quantile
 from ..samples.observations import Observations, View, longest, mirrors
 from ..samples.store import Block
 from .lights import Light
-from .lobes import add_sharp, clear
+from .lobes import add_blurred, add_sharp, clear
 from .microfacet import PHONG, Gloss, specular
 from .phong import Lamps, cast_shadows, lamps, light_texel
+from .pixel_blur import pixel_blur
 from .rows import luminances, read_row
 
+FELT, LOOKED_AT = 0.2, 16
+"""Blur, of the lobe's own variance, that makes a texel's lobe a blurred one; seen in one sample of
+so many."""
 LEAST_SCALE = 0.3
 """Of the residuals, 0..100: the noise of eight bits."""
 
@@ -60,8 +68,22 @@ def _sums(n, red, green, blue, shine, w):
     return r, g, b, s
 
 
+@inner
+def _is_blurred(view, pixel, shape, t, frames, gloss, m):
+    """Whether pixels blur the lobe of material m on texel t."""
+    if len(shape) == 0 or not np.isfinite(shape[t, 0, 0]):
+        return False
+    own = gloss.shape[m]
+    alpha = own if gloss.kind[m] == PHONG else 0.5 / (own * own)
+    for j in range(0, len(frames), LOOKED_AT):
+        x, y, z, _across = pixel_blur(view, pixel, shape[t], t, frames[j])
+        if alpha * (x * x + y * y + z * z) > FELT:
+            return True
+    return False
+
+
 @kernel
-def _refit(block, view, material, gloss, tint, bulbs, diffuse):
+def _refit(block, view, pixel, shape, material, gloss, tint, bulbs, diffuse):
     coefficients = np.empty(36, np.float32)
     count = len(bulbs.gain)
     rays, gains = np.empty((count, 3), np.float32), np.empty(count, np.float32)
@@ -70,6 +92,8 @@ def _refit(block, view, material, gloss, tint, bulbs, diffuse):
     x, y, z, red, green, blue = rows[0], rows[1], rows[2], rows[3], rows[4], rows[5]
     shine, e, w, quality, bound = rows[6], rows[7], rows[8], rows[9], rows[10]
     h, trust = rows[11], rows[12]
+    mirror, blur = np.empty((most, 3), np.float32), np.zeros((most, 4), np.float32)
+    scratch = np.empty((13, most), np.float32)
     for i in range(block.stop - block.first):
         t, first = block.first + i, block.offsets[i]
         n = block.offsets[i + 1] - first
@@ -78,13 +102,27 @@ def _refit(block, view, material, gloss, tint, bulbs, diffuse):
             continue
         light_texel(view, t, bulbs, coefficients, rays, gains)
         read_row(block, view, first, n, red, green, blue, quality, bound)
-        mirrors(view, t, block.frame[first : first + n], x, y, z)
+        frames = block.frame[first : first + n]
+        mirrors(view, t, frames, x, y, z)
         clear(n, shine)
-        if gloss.kind[m] == PHONG:
-            add_sharp(x[:n], y[:n], z[:n], rays, gains, gloss.shape[m], gloss.facing[m], shine)
-        else:
+        blurred = _is_blurred(view, pixel, shape, t, frames, gloss, m)
+        if blurred:
             for j in range(n):
-                shine[j] = specular(gloss, m, 0.0, view.normal[t], x[j], y[j], z[j], rays, gains)
+                mirror[j, 0], mirror[j, 1], mirror[j, 2] = x[j], y[j], z[j]
+                blur[j, 0], blur[j, 1], blur[j, 2], blur[j, 3] = pixel_blur(
+                    view, pixel, shape[t], t, frames[j]
+                )
+        if gloss.kind[m] != PHONG:
+            for j in range(n):
+                s1 = blur[j, 0] ** 2 + blur[j, 1] ** 2 + blur[j, 2] ** 2
+                both = 0.5 * (s1 + blur[j, 3]) if blurred else 0.0
+                shine[j] = specular(gloss, m, both, view.normal[t], x[j], y[j], z[j], rays, gains)
+        elif blurred:
+            add_blurred(mirror, blur, 0, n, rays, gains, gloss.shape[m], scratch, shine)
+            for j in range(n):
+                shine[j] *= np.float32(gloss.facing[m])
+        else:
+            add_sharp(x[:n], y[:n], z[:n], rays, gains, gloss.shape[m], gloss.facing[m], shine)
         # Subtract the lobes; weigh by the residual against the diffuse colour so far
         d = 0.2126 * diffuse[i, 0] + 0.7152 * diffuse[i, 1] + 0.0722 * diffuse[i, 2]
         luminances(n, red, green, blue, e)
@@ -124,13 +162,18 @@ def refitting(
         lights, observations.texels.radius, cast_shadows(observations, everywhere, lights)
     )
     tint, diffuse = np.asarray(tint, np.float64), np.asarray(diffuse, np.float32)
-    return partial(_block_refit, observations.view, material, gloss, tint, bulbs, diffuse)
+    shape = observations.shape
+    shape = np.zeros((0, 3, 3), np.float32) if shape is None else shape
+    return partial(
+        _block_refit, observations.view, observations.pixel, shape, material, gloss, tint, bulbs,
+        diffuse,
+    )  # fmt: skip
 
 
 def _block_refit(
-    view: View, material: np.ndarray, gloss: Gloss, tint: np.ndarray, bulbs: Lamps,
-    diffuse: np.ndarray, block: Block,
+    view: View, pixel: np.ndarray, shape: np.ndarray, material: np.ndarray, gloss: Gloss,
+    tint: np.ndarray, bulbs: Lamps, diffuse: np.ndarray, block: Block,
 ) -> tuple[np.ndarray]:  # fmt: skip
     own = diffuse[block.first : block.stop].copy()
-    _refit(block, view, material, gloss, tint, bulbs, own)
+    _refit(block, view, pixel, shape, material, gloss, tint, bulbs, own)
     return (own,)

@@ -14,11 +14,10 @@ from scipy.spatial import cKDTree
 from skimage.color import xyz2lab
 from skimage.color.colorconv import xyz_from_rgb
 
-from meshlab_svbrdf.blocks import blocks, places, room, taken
+from meshlab_svbrdf.blocks import blocks, in_pieces, places, room, taken
 from meshlab_svbrdf.errors import SvbrdfError
 from meshlab_svbrdf.geometry.adjacency import neighbours, thin
 from meshlab_svbrdf.reflectance import regions
-from meshlab_svbrdf.threads import in_pieces
 
 # Shading changes lightness and hardly hue. A fifth of L*, from black to white, is as wide as a
 # region of the default threshold: one material stays whole from its lit side into its shadows.

@@ -75,14 +75,16 @@ def refit(state: FitState, lights: list[Light], gloss: Gloss, censoring: bool) -
     return gloss
 
 
-def unexplained(test: FitState, lights: list[Light], gloss: Gloss) -> float:
-    """What the highlights of some lights leave of samples that no fit has seen."""
+def unexplained(test: FitState, lights: list[Light], gloss: Gloss) -> np.ndarray:
+    """What the highlights of some lights leave of samples that no fit has seen, (M,); 0 of
+    materials that are not described."""
     test.light(lights)
     s = test.samples
     weight = np.where(s.clipped, 0, s.quality)
     error = center(s.luminance - highlights(test, gloss, test.rays, test.gains), weight, s.offsets)
-    own = np.repeat(gloss.kind[s.material] >= 0, np.diff(s.offsets))
-    return float((weight * error**2)[own].sum())
+    owner = np.repeat(s.material, np.diff(s.offsets))
+    rest = np.bincount(owner, weight * error**2, test.materials)
+    return np.where(gloss.kind >= 0, rest, 0.0)
 
 
 def compare(

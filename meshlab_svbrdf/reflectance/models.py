@@ -98,20 +98,32 @@ def choose_models(
         fitted, test = gather(TRIAL)
         if not len(fitted.samples) or not len(test.samples):
             return kept
-        phong, better, wins = _try_all(fitted, test, censoring)
-        if not wins.any():
-            return kept
         known = np.array([m.observed for m in materials])
-        # Ask again whether they win, now by all of the film and under the lights as they move
         names = list(range(count) if ids is None else ids)
-        final = gather(FINAL)
-        while wins.any():
-            start = _where(wins, better, _where(known, phong, _none(count)))
-            found, sure = _conclude(*final, kept, phong, start, censoring, names)
-            if sure[wins].all():
-                return found
-            wins &= sure
-    return kept
+        final = None
+        best, least = kept, np.inf
+        for start_lights in _starts(lights):
+            for state in (fitted, test):
+                state.light(start_lights)
+            phong, better, wins = _try_all(fitted, test, censoring)
+            # Ask again whether they win, now by all of the film and under the lights as they move
+            while wins.any():
+                final = final or gather(FINAL)
+                start = _where(wins, better, _where(known, phong, _none(count)))
+                found, sure, rest = _conclude(*final, kept, phong, start, censoring, names)
+                if sure[wins].all():
+                    best, least = (found, rest) if rest < least else (best, least)
+                    break
+                wins &= sure
+    return best
+
+
+def _starts(lights: list[Light]) -> list[list[Light]]:
+    """The lights, and the same as compact ones where any is long or wide: a lobe of the wrong shape
+    may have made them so."""
+    if not any(light.bar.any() for light in lights):
+        return [lights]
+    return [lights, [replace(light, bar=np.zeros(3), breadth=0.0) for light in lights]]
 
 
 def _try_all(fitted: FitState, test: FitState, censoring: bool) -> tuple[Gloss, Gloss, np.ndarray]:
@@ -132,18 +144,21 @@ def _try_all(fitted: FitState, test: FitState, censoring: bool) -> tuple[Gloss, 
 def _conclude(
     fitted: FitState, test: FitState, kept: Models, phong: Gloss, start: Gloss, censoring: bool,
     ids: Iterable[int],
-) -> tuple[Models, np.ndarray]:  # fmt: skip
+) -> tuple[Models, np.ndarray, float]:  # fmt: skip
     """Fit all of the film, let the lights move, and say what came of it.
 
     The lights that leave least unexplained of the test's samples are taken. Also returned: where
-    the models chosen win in the end, (M,) bool.
+    the models chosen win in the end, (M,) bool: over Phong's lobe under these lights, and over
+    Phong's lobe under the lights that it had; and what they leave of the test's samples.
 
     phong : every material as Phong's lobe; start : the models chosen
     """
+    # What Phong's lobes leave under the lights that suit them
+    for _round in range(2):
+        phong = refit(fitted, kept.lights, phong, censoring)
+    before = unexplained(test, kept.lights, _where(start.kind >= 0, phong, start))
     found = [(kept.lights, refit(fitted, kept.lights, start, censoring))]
-    # A lobe of the wrong shape may have made a lamp long or wide that is not
-    compact = [replace(light, bar=np.zeros(3), breadth=0.0) for light in kept.lights]
-    for lights in [kept.lights, compact][: 1 + any(light.bar.any() for light in kept.lights)]:
+    for lights in _starts(kept.lights):
         gloss = refit(fitted, lights, start, censoring)
         for _round in range(ROUNDS):
             lights, change = move_lights(fitted, lights, gloss)
@@ -151,11 +166,12 @@ def _conclude(
             if change < STILL:
                 break
         found.append((lights, gloss))
-    lights, gloss = min(found, key=lambda each: unexplained(test, *each))
+    lights, gloss = min(found, key=lambda each: unexplained(test, *each).sum())
     gloss = refit(fitted, lights, gloss, censoring)
     noise = noise_of(fitted)
     for _round in range(2):
         phong = refit(fitted, lights, phong, censoring)
+    after = unexplained(test, lights, gloss)
     test.light(lights)
     gain, evidence = compare(test, phong, gloss, noise, np.ones(len(test.samples), bool))
     chosen = [
@@ -174,7 +190,9 @@ def _conclude(
         for name, f in zip(ids, chosen, strict=True)
         if f is not None
     ]
-    return Models(chosen, renewed, lights, notes), _wins(gain, evidence)
+    better = (after < before) & (after.sum() < before.sum())
+    sure = better & _wins(gain, evidence)
+    return Models(chosen, renewed, lights, notes), sure, float(after.sum())
 
 
 def _none(count: int) -> Gloss:

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..blocks import in_pieces
 from ..jit import inner, kernel
-from ..threads import in_pieces
 
 
 @kernel

@@ -90,6 +90,7 @@ def test_pose_errors_move_pixels_by_as_much():
 def test_every_scene_has_its_own_name_and_cache():
     assert all(name == variant.name for name, variant in SCENES.items())
     assert len({repr(variant) for variant in SCENES.values()}) == len(SCENES)
+    assert repr(SCENES["ggx"]).count("GgxMaterial") == 2  # what the cache knows a scene by
 
 
 def test_mitsuba_and_embree_agree(mitsuba):

@@ -59,6 +59,12 @@ def test_memory_is_bounded_whatever_the_number_of_frames():
     assert memory_bytes(many, held) == memory_bytes(replace(WORK, samples=1e9), held)
 
 
+def test_memory_grows_slowly_where_arrays_lie_in_files():
+    held = 128 << 20
+    sizes = [memory_bytes(replace(WORK, texels=texels), held) for texels in (1e6, 4e6, 1e8, 1.03e8)]
+    assert sizes[3] - sizes[2] < 0.5 * (sizes[1] - sizes[0])
+
+
 @pytest.mark.parametrize(("frames", "memory"), [(3, 1 << 30), (300, 1 << 30), (60, 16_000)])
 def test_the_stores_size_is_what_is_written(tmp_path, frames, memory):
     texels = 1000

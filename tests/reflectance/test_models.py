@@ -58,17 +58,17 @@ def rough(texels, cameras, lights, kind: int) -> np.ndarray:
     return total
 
 
-def shoot(folder, kind: int, tint=(1.0, 1.0, 1.0)):
+def shoot(folder, kind: int, tint=(1.0, 1.0, 1.0), lights=LIGHTS):
     """A rough material, a Phong lobe and a matte one, at random over a dented ball."""
     texels, cameras = bumpy_ball(T), orbit(F, turns=4, climb=120)
     rng = np.random.default_rng(3)
     material = rng.integers(0, 3, T).astype(np.int32)
-    shine = 30.0 * lobes(texels, cameras, LIGHTS, 60.0)
+    shine = 30.0 * lobes(texels, cameras, lights, 60.0)
     if kind != PHONG:
-        shine[material == 0] = rough(texels, cameras, LIGHTS, kind)[material == 0]
+        shine[material == 0] = rough(texels, cameras, lights, kind)[material == 0]
     shine[material == 2] = 0
     return film(
-        folder, texels, cameras, LIGHTS, material, [0, 30, 0], [1, 60, 1],
+        folder, texels, cameras, lights, material, [0, 30, 0], [1, 60, 1],
         rng.uniform(4, 40, (T, 3)), tint=[tint, (1, 1, 1), (1, 1, 1)], highlights=shine, noise=1.3,
     )  # fmt: skip
 
@@ -112,6 +112,36 @@ def test_the_right_kind_wins_where_it_is_the_truth(tmp_path, kind):
     assert gloss.facing[0] == rough_.facing
     assert gloss.facing[2] == 0
     assert (tint == 1).all()
+
+
+def long(half: float):
+    """The lights, two of them as long lamps."""
+    return [
+        replace(light, bar=half * tangents(light.direction)[k]) if k < 2 else light
+        for k, light in enumerate(LIGHTS)
+    ]
+
+
+@pytest.mark.parametrize("kind", [GGX, BECKMANN])
+def test_lamps_that_a_wrong_lobe_made_long_are_compact_again(tmp_path, kind):
+    found = choose(shoot(tmp_path, kind), SEEN, long(0.35))
+    assert found.microfacets[0].kind == kind
+    assert found.microfacets[0].roughness == pytest.approx(ROUGHNESS, rel=0.02)
+    for light, truth in zip(found.lights, LIGHTS, strict=True):
+        assert not light.bar.any()
+        assert angle(light.direction, truth.direction) < 0.05
+
+
+def test_lamps_that_are_long_stay_long_and_phong_phong(tmp_path):
+    lights = long(0.35)
+    points = [
+        replace(light, direction=light.direction + x * light.bar, gain=light.gain / 15)
+        for light in lights
+        for x in np.linspace(-1, 1, 15)
+    ]
+    found = choose(shoot(tmp_path, PHONG, lights=points), [SEEN[1], *SEEN[1:]], lights)
+    assert found.microfacets == [None] * 3
+    assert found.lights is lights
 
 
 def test_a_metal_has_its_colour_and_a_lobe_unseen_by_phong_is_found(tmp_path):

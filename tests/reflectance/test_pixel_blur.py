@@ -18,11 +18,14 @@ from analytic import (
 )
 
 from meshlab_svbrdf.geometry.surface_shape import surface_shape
+from meshlab_svbrdf.reflectance.diffuse_refit import refitting
 from meshlab_svbrdf.reflectance.fit_samples import collect
 from meshlab_svbrdf.reflectance.footprint import SPREAD
 from meshlab_svbrdf.reflectance.joint import fit
 from meshlab_svbrdf.reflectance.lobes import add_blurred
+from meshlab_svbrdf.reflectance.microfacet import phong_gloss
 from meshlab_svbrdf.reflectance.phong import lamps, light_texels
+from meshlab_svbrdf.samples.luminance import decode
 
 LIGHTS = [lamp([0.3, 0.5, 0.8]), lamp([-0.8, 0.3, 0.3]), lamp([0.1, -0.6, -0.8])]
 RADIUS, FX = 0.5, 220.0
@@ -120,6 +123,17 @@ def test_the_fit_sees_through_the_blur(tmp_path):
     assert untold.alpha < 0.9 * alpha
     assert told.rho_s == pytest.approx(rho, rel=0.03)
     assert told.alpha == pytest.approx(alpha, rel=0.03)
+
+    # Nor is what pixels show beside the lobe left in the diffuse colour
+    matt = 100 * decode(grey(np.array(10.0))[0] / 255)  # what the code of 10 stands for
+    gloss, start = phong_gloss([rho], [alpha]), np.full((1500, 3), 10.0)
+    errors = []
+    for shape in (o.shape, None):
+        seen_as = replace(o, shape=shape)
+        work = refitting(seen_as, start, material, gloss, np.ones((1, 3)), LIGHTS)
+        errors.append(o.store.rows(work)[0][:, 1] - matt)
+    assert abs(errors[0].mean()) < 0.1 * abs(errors[1].mean())
+    assert errors[0].std() < 0.5 * errors[1].std()
 
 
 @pytest.mark.parametrize("times", [1.0, 2.5])
