@@ -11,12 +11,14 @@ from functools import partial
 
 import numpy as np
 
-from ..blocks import places
+from ..blocks import places, rowwise
+from ..geometry.surface_shape import steepest_turn
 from ..jit import inner, kernel
 from ..power import FAST
 from ..ranks import quantile
 from ..samples.observations import Observations, View, longest, mirrors
 from ..samples.store import Block
+from .footprint import SPREAD
 from .lights import Light
 from .lobes import add_blurred, add_sharp, clear
 from .microfacet import PHONG, Gloss, specular
@@ -24,9 +26,9 @@ from .phong import Lamps, cast_shadows, lamps, light_texel
 from .pixel_blur import pixel_blur
 from .rows import luminances, read_row
 
-FELT, LOOKED_AT = 0.2, 16
-"""Blur, of the lobe's own variance, that makes a texel's lobe a blurred one; seen in one sample of
-so many."""
+FELT = 0.1
+"""Blur by a pixel that sees the surface from straight above, of the lobe's own variance, from which
+on a texel's highlights are blurred ones."""
 LEAST_SCALE = 0.3
 """Of the residuals, 0..100: the noise of eight bits."""
 
@@ -69,77 +71,96 @@ def _sums(n, red, green, blue, shine, w):
 
 
 @inner
-def _is_blurred(view, pixel, shape, t, frames, gloss, m):
-    """Whether pixels blur the lobe of material m on texel t."""
-    if len(shape) == 0 or not np.isfinite(shape[t, 0, 0]):
-        return False
-    own = gloss.shape[m]
-    alpha = own if gloss.kind[m] == PHONG else 0.5 / (own * own)
-    for j in range(0, len(frames), LOOKED_AT):
-        x, y, z, _across = pixel_blur(view, pixel, shape[t], t, frames[j])
-        if alpha * (x * x + y * y + z * z) > FELT:
-            return True
-    return False
+def _solve(i, m, n, red, green, blue, quality, bound, shine, rows, tint, diffuse):
+    """Texel i's D from its samples without their highlights `shine`; rows (4, n) : room."""
+    e, w, h, trust = rows[0], rows[1], rows[2], rows[3]
+    # Subtract the lobes; weigh by the residual against the diffuse colour so far
+    d = 0.2126 * diffuse[i, 0] + 0.7152 * diffuse[i, 1] + 0.0722 * diffuse[i, 2]
+    luminances(n, red, green, blue, e)
+    for j in range(n):
+        e[j] -= shine[j]
+        w[j] = abs(e[j] - np.float32(d))
+    h0 = np.float32(max(LEAST_SCALE, 1.68 * quantile(w[:n], 0.5)))
+    _trust(n, shine, quality, h0, h, trust)
+    weight = 0.0
+    for _ in range(2):
+        top, weight = _weigh(n, e, np.float32(d), h, trust, bound, w)
+        if weight > 0:
+            d = top / weight
+    if weight > 0:
+        r, g, b, s = _sums(n, red, green, blue, shine, w)
+        diffuse[i, 0] = max((r - tint[m, 0] * s) / weight, 0.0)
+        diffuse[i, 1] = max((g - tint[m, 1] * s) / weight, 0.0)
+        diffuse[i, 2] = max((b - tint[m, 2] * s) / weight, 0.0)
 
 
 @kernel
-def _refit(block, view, pixel, shape, material, gloss, tint, bulbs, diffuse):
+def _refit(block, view, material, blurred, gloss, tint, bulbs, diffuse):
+    """D of the texels whose highlights are as sharp as their lobes."""
     coefficients = np.empty(36, np.float32)
     count = len(bulbs.gain)
     rays, gains = np.empty((count, 3), np.float32), np.empty(count, np.float32)
-    most = longest(block.offsets, 0, block.stop - block.first)
-    rows = np.empty((13, most), np.float32)
+    rows = np.empty((13, longest(block.offsets, 0, block.stop - block.first)), np.float32)
     x, y, z, red, green, blue = rows[0], rows[1], rows[2], rows[3], rows[4], rows[5]
-    shine, e, w, quality, bound = rows[6], rows[7], rows[8], rows[9], rows[10]
-    h, trust = rows[11], rows[12]
-    mirror, blur = np.empty((most, 3), np.float32), np.zeros((most, 4), np.float32)
-    scratch = np.empty((13, most), np.float32)
+    shine, quality, bound = rows[6], rows[7], rows[8]
     for i in range(block.stop - block.first):
         t, first = block.first + i, block.offsets[i]
         n = block.offsets[i + 1] - first
         m = material[t]
         if m < 0 or not gloss.facing[m] + gloss.grazing[m] > 0 or not diffuse[i, 0] >= 0:
             continue
+        if blurred[t]:
+            continue
         light_texel(view, t, bulbs, coefficients, rays, gains)
         read_row(block, view, first, n, red, green, blue, quality, bound)
-        frames = block.frame[first : first + n]
-        mirrors(view, t, frames, x, y, z)
+        mirrors(view, t, block.frame[first : first + n], x, y, z)
         clear(n, shine)
-        blurred = _is_blurred(view, pixel, shape, t, frames, gloss, m)
-        if blurred:
+        if gloss.kind[m] == PHONG:
+            add_sharp(x[:n], y[:n], z[:n], rays, gains, gloss.shape[m], gloss.facing[m], shine)
+        else:
             for j in range(n):
-                mirror[j, 0], mirror[j, 1], mirror[j, 2] = x[j], y[j], z[j]
-                blur[j, 0], blur[j, 1], blur[j, 2], blur[j, 3] = pixel_blur(
-                    view, pixel, shape[t], t, frames[j]
-                )
-        if gloss.kind[m] != PHONG:
-            for j in range(n):
-                s1 = blur[j, 0] ** 2 + blur[j, 1] ** 2 + blur[j, 2] ** 2
-                both = 0.5 * (s1 + blur[j, 3]) if blurred else 0.0
-                shine[j] = specular(gloss, m, both, view.normal[t], x[j], y[j], z[j], rays, gains)
-        elif blurred:
+                shine[j] = specular(gloss, m, 0.0, view.normal[t], x[j], y[j], z[j], rays, gains)
+        _solve(i, m, n, red, green, blue, quality, bound, shine, rows[9:], tint, diffuse)
+
+
+@kernel
+def _refit_blurred(block, view, pixel, shape, material, blurred, gloss, tint, bulbs, diffuse):
+    """D of the others, whose highlights pixels blur."""
+    coefficients = np.empty(36, np.float32)
+    count = len(bulbs.gain)
+    rays, gains = np.empty((count, 3), np.float32), np.empty(count, np.float32)
+    most = longest(block.offsets, 0, block.stop - block.first)
+    rows, scratch = np.empty((13, most), np.float32), np.empty((13, most), np.float32)
+    mirror, blur = np.empty((most, 3), np.float32), np.empty((most, 4), np.float32)
+    x, y, z, red, green, blue = rows[0], rows[1], rows[2], rows[3], rows[4], rows[5]
+    shine, quality, bound = rows[6], rows[7], rows[8]
+    for i in range(block.stop - block.first):
+        t, first = block.first + i, block.offsets[i]
+        n = block.offsets[i + 1] - first
+        m = material[t]
+        if m < 0 or not gloss.facing[m] + gloss.grazing[m] > 0 or not diffuse[i, 0] >= 0:
+            continue
+        if not blurred[t]:
+            continue
+        light_texel(view, t, bulbs, coefficients, rays, gains)
+        read_row(block, view, first, n, red, green, blue, quality, bound)
+        mirrors(view, t, block.frame[first : first + n], x, y, z)
+        for j in range(n):
+            mirror[j, 0], mirror[j, 1], mirror[j, 2] = x[j], y[j], z[j]
+            blur[j, 0], blur[j, 1], blur[j, 2], blur[j, 3] = pixel_blur(
+                view, pixel, shape[t], t, block.frame[first + j]
+            )
+        clear(n, shine)
+        if gloss.kind[m] == PHONG:
             add_blurred(mirror, blur, 0, n, rays, gains, gloss.shape[m], scratch, shine)
             for j in range(n):
                 shine[j] *= np.float32(gloss.facing[m])
         else:
-            add_sharp(x[:n], y[:n], z[:n], rays, gains, gloss.shape[m], gloss.facing[m], shine)
-        # Subtract the lobes; weigh by the residual against the diffuse colour so far
-        d = 0.2126 * diffuse[i, 0] + 0.7152 * diffuse[i, 1] + 0.0722 * diffuse[i, 2]
-        luminances(n, red, green, blue, e)
-        for j in range(n):
-            e[j] -= shine[j]
-            w[j] = abs(e[j] - np.float32(d))
-        h0 = np.float32(max(LEAST_SCALE, 1.68 * quantile(w[:n], 0.5)))
-        _trust(n, shine, quality, h0, h, trust)
-        for _ in range(2):
-            top, weight = _weigh(n, e, np.float32(d), h, trust, bound, w)
-            if weight > 0:
-                d = top / weight
-        if weight > 0:
-            r, g, b, s = _sums(n, red, green, blue, shine, w)
-            diffuse[i, 0] = max((r - tint[m, 0] * s) / weight, 0.0)
-            diffuse[i, 1] = max((g - tint[m, 1] * s) / weight, 0.0)
-            diffuse[i, 2] = max((b - tint[m, 2] * s) / weight, 0.0)
+            for j in range(n):
+                s1 = blur[j, 0] ** 2 + blur[j, 1] ** 2 + blur[j, 2] ** 2
+                both = 0.5 * (s1 + blur[j, 3])
+                shine[j] = specular(gloss, m, both, view.normal[t], x[j], y[j], z[j], rays, gains)
+        _solve(i, m, n, red, green, blue, quality, bound, shine, rows[9:], tint, diffuse)
 
 
 def refitting(
@@ -165,15 +186,31 @@ def refitting(
     shape = observations.shape
     shape = np.zeros((0, 3, 3), np.float32) if shape is None else shape
     return partial(
-        _block_refit, observations.view, observations.pixel, shape, material, gloss, tint, bulbs,
-        diffuse,
+        _block_refit, observations.view, observations.pixel, shape, material,
+        _blurred(observations, material, gloss), gloss, tint, bulbs, diffuse,
     )  # fmt: skip
 
 
+def _blurred(observations: Observations, material: np.ndarray, gloss: Gloss) -> np.ndarray:
+    """Which texels' highlights pixels blur, (T,) bool."""
+    if observations.shape is None or not len(gloss.shape):
+        return np.zeros(len(material), bool)
+    pixel = observations.footprint * observations.texels.radius
+    alpha = np.where(gloss.kind == PHONG, gloss.shape, 0.5 / np.maximum(gloss.shape, 1e-6) ** 2)
+
+    def felt(turn: np.ndarray, own: np.ndarray) -> np.ndarray:
+        blur = alpha[np.maximum(own, 0)] * SPREAD * (2 * turn * pixel) ** 2
+        return np.isfinite(turn) & (blur > FELT)
+
+    return rowwise(felt, steepest_turn(observations.shape), material)
+
+
 def _block_refit(
-    view: View, pixel: np.ndarray, shape: np.ndarray, material: np.ndarray, gloss: Gloss,
-    tint: np.ndarray, bulbs: Lamps, diffuse: np.ndarray, block: Block,
+    view: View, pixel: np.ndarray, shape: np.ndarray, material: np.ndarray, blurred: np.ndarray,
+    gloss: Gloss, tint: np.ndarray, bulbs: Lamps, diffuse: np.ndarray, block: Block,
 ) -> tuple[np.ndarray]:  # fmt: skip
     own = diffuse[block.first : block.stop].copy()
-    _refit(block, view, pixel, shape, material, gloss, tint, bulbs, own)
+    _refit(block, view, material, blurred, gloss, tint, bulbs, own)
+    if blurred[block.first : block.stop].any():
+        _refit_blurred(block, view, pixel, shape, material, blurred, gloss, tint, bulbs, own)
     return (own,)
