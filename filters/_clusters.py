@@ -27,7 +27,7 @@ def find_clusters(
     texels, diffuse = document.texels(), document.attribute("diffuse")
     progress(0.1, "growing regions")
     adjacency = None
-    if len(texels) <= MOST:  # of more, regions grow over some
+    if len(texels) <= MOST and np.isfinite(diffuse).all():  # regions grow over all of them
         adjacency = neighbours(texels.position, texels.normal)
     grow = partial(
         segment_surface, texels.position, texels.normal, diffuse, adjacency=adjacency,

@@ -165,22 +165,24 @@ def segment_surface(
     """`segment` from the texels themselves; above `most` texels on an even subset of the surface.
 
     position : (T, 3) float, finite; normal : (T, 3) float, unit; diffuse : as in `segment`, which
-    also takes the `options`; adjacency : of all of them, where it is known. The texels left out
-    take the label of the nearest one that was kept on their side of the surface. Returns (T,)
-    int32.
+    also takes the `options`; adjacency : their `neighbours`, if all are observed and these are
+    known: regions grow across what is not observed. The texels left out take the label of the
+    nearest one that was kept on their side of the surface. Returns (T,) int32.
     """
-    if len(position) <= most:
-        return segment(diffuse, adjacency or neighbours(position, normal), **options)
+    if adjacency is not None:
+        return segment(diffuse, adjacency, **options)
     left_out = np.isfinite(diffuse).all(1)
     observed = places(left_out)
     kept = observed[thin(taken(position, observed), taken(normal, observed), most)]
-    adjacency = neighbours(position[kept], normal[kept])
+    graph = neighbours(position[kept], normal[kept])
     labels = np.full(len(diffuse), -1, np.int32)
-    labels[kept] = segment(diffuse[kept], adjacency, **options)
+    labels[kept] = segment(diffuse[kept], graph, **options)
 
     # Spread the labels to the texels that were thinned out
     left_out[kept] = False
     left = places(left_out)
+    if not len(left):
+        return labels
     tree = cKDTree(position[kept])
     for block in blocks(len(left)):
         own = left[block]

@@ -203,6 +203,15 @@ def test_a_line_of_its_own_colour_stays(globe):
     assert np.array_equal(labels == labels[line[:, 0]][0], line[:, 0])
 
 
+def test_regions_grow_across_a_line_that_is_not_observed():
+    row, col = np.mgrid[:40, :41]
+    position = np.stack([col, row, 0 * row], -1).reshape(-1, 3).astype(np.float32)
+    diffuse = np.where((col == 20).ravel()[:, None], np.nan, 20.0) * np.ones(3)
+    normal = np.broadcast_to(np.float32([0, 0, 1]), position.shape)
+    labels = segment_surface(position, normal, diffuse, join=False)
+    assert np.array_equal(labels, np.where(col.ravel() == 20, -1, 0))
+
+
 def test_thinned_surface_takes_the_labels_of_the_nearest():
     position = sphere(30000)
     diffuse = two_colors(position)
