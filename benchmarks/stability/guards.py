@@ -163,9 +163,9 @@ GUARDS: list[Guard] = [
     ),
     *_guards(
         "reflectance/fit_samples.py", "reflectance/test_fit_samples.py",
-        ("only flat texels", "own = own[turn[own] <= max(limits[m], flattest)]", "own = own",
+        ("only flat texels", "most = max(limits[m], flattest)", "most = np.inf",
          "test_where_nothing_is_flat_the_flattest_twentieth_is_taken"),
-        ("else the flattest 5 %", "<= max(limits[m], flattest)", "<= limits[m]",
+        ("else the flattest 5 %", "most = max(limits[m], flattest)", "most = limits[m]",
          "test_where_nothing_is_flat_the_flattest_twentieth_is_taken"),
         ("clipped is judged before dividing by exposure",
          "view.linear[red], view.linear[green], view.linear[blue])",

@@ -121,9 +121,9 @@ def video_frames(paths: Iterable[Path]) -> dict[Path, VideoFrame]:
     """Those of the rasters' `paths` that stand for frames of videos."""
     found, known = {}, {}
     for path in paths:
-        folder, name = os.path.split(path)
+        folder, name = path.parent, path.name
         if folder not in known:
-            known[folder] = read_videos(Path(folder))
+            known[folder] = read_videos(folder)
         if name in known[folder]:
             found[path] = known[folder][name]
     return found
