@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from meshlab_svbrdf.blocks import blocks, room, rowwise
+from meshlab_svbrdf.blocks import blocks, places, room, rowwise, taken
 from meshlab_svbrdf.document.document import Document
 from meshlab_svbrdf.geometry.gutters import fill_gutters
 from meshlab_svbrdf.geometry.texels import Texels
@@ -61,10 +61,12 @@ def set_scalar_map(
     logarithmic: bool = False,
 ) -> None:
     """maps/NAME.exr of (T,), NaN where unobserved, and a coloured layer `map: SHOWN`."""
-    document.set_map(name, texels.images(values.astype(np.float32)))
-    known = np.isfinite(values)
-    scale = np.log(np.maximum(values, 1e-6)) if logarithmic else values
-    low, high = np.quantile(scale[known], [0.01, 0.99]) if known.any() else (0.0, 1.0)
+    document.set_map(name, texels.images(rowwise(lambda some: some.astype(np.float32), values)))
+    known, scale = np.isfinite(values), values
+    if logarithmic:
+        scale = rowwise(lambda some: np.log(np.maximum(some, 1e-6)), values)
+    inner = taken(scale, places(known))
+    low, high = np.quantile(inner, [0.01, 0.99], overwrite_input=True) if len(inner) else (0.0, 1.0)
     if high - low < 1e-6 * max(abs(high), 1e-6):
         low, high = low - 0.5, high + 0.5
     colors = room((len(values), 3), np.uint8)

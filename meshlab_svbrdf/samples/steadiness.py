@@ -54,14 +54,14 @@ def _changes(
     value: np.ndarray, texel: np.ndarray, late: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray] | None:
     """Texels with enough samples on both sides, and how their median changes across."""
-    count = 2 * (int(texel.max(initial=-1)) + 1)
-    group = 2 * texel + late
+    there, own = np.unique(texel, return_inverse=True)
+    count, group = 2 * len(there), 2 * own + late
     samples = np.bincount(group, minlength=count).reshape(-1, 2).min(1)
     seen = np.flatnonzero(samples >= LEAST_SAMPLES)
     if len(seen) < LEAST_TEXELS:
         return None
     early, later = Groups(group, count).median(value).reshape(-1, 2)[seen].T
-    return seen, later - early
+    return there[seen], later - early
 
 
 def _along(normal: np.ndarray, change: np.ndarray) -> np.ndarray:
