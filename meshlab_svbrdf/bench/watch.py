@@ -10,7 +10,7 @@ import time
 from pathlib import Path
 from threading import Thread
 
-WATCHED = 0.01
+WATCHED = 0.02
 
 
 def status(name: str, process: str = "self") -> int:
