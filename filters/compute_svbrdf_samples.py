@@ -23,8 +23,8 @@ from ._samples import project_frames
 from ._stages import counted, share
 
 VARYING = 0.03  # robust spread of ln gain; a locked exposure leaves .003
-CHANGED = 0.04
-"""Of ln brightness of one side over the other: .02 at most under steady light, .05 to .3 where
+CHANGED = 0.03
+"""Of ln brightness of one side over the other: .02 at most under steady light, .04 to .2 where
 what faces one way gets 30 % less from the middle on (docs/stability.md)."""
 FICKLE = 0.06
 """Of ln brightness from frame to frame: texels that change more are all gloss, and tell nothing of
@@ -36,7 +36,7 @@ FILTER = Filter(
     title="SVBRDF: samples",
     needs=("mesh", "rasters", "texels"),
     writes=("samples",),
-    version=4,
+    version=5,
     parameters=(
         Parameter(
             "exposure", "enum", "auto", choices=("auto", "exif", "raster", "none"),
