@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from itertools import takewhile
+
 import numpy as np
 
+from meshlab_svbrdf.document.deep_images import is_exr
 from meshlab_svbrdf.document.document import Document
 from meshlab_svbrdf.document.frames import Frames
 from meshlab_svbrdf.errors import DocumentError, SvbrdfError
@@ -280,12 +283,13 @@ def _exposures(rasters, wanted: str) -> tuple[np.ndarray, str]:
             lacking = [r.label for r in rasters if r.exposure is None]
             raise DocumentError(f"rasters without svbrdf_exposure: {', '.join(lacking[:8])}")
     if wanted in ("auto", "exif"):
-        frames = Frames(rasters)
-        values = [frames.exposure(r, asked=wanted == "exif") for r in rasters]
-        if None not in values:
+        frames, asked = Frames(rasters), wanted == "exif"
+        told = (frames.exposure(r, asked=asked) for r in rasters)
+        values = list(takewhile(lambda value: value is not None, told))  # else asks no further
+        if len(values) == len(rasters):
             return np.array(values) / np.median(np.array(values)), "exif"
-        if wanted == "exif":
-            lacking = [r.label for r, v in zip(rasters, values, strict=True) if v is None]
+        if asked:
+            lacking = [r.label for r in rasters if frames.exposure(r, asked=True) is None]
             raise DocumentError(f"frames without EXIF exposure: {', '.join(lacking[:8])}")
     return np.ones(len(rasters)), "none"
 
@@ -293,6 +297,6 @@ def _exposures(rasters, wanted: str) -> tuple[np.ndarray, str]:
 def _untrusted(rasters) -> float:
     """How far exposures are apart that only OpenEXR's headers tell; 1 where none are told."""
     frames = Frames(rasters)
-    untold = [r for r in rasters if r.exposure is None and frames.exposure(r) is None]
+    untold = [r for r in rasters if r.exposure is None and is_exr(frames.file(r))]
     told = [e for r in untold if (e := frames.exposure(r, asked=True)) is not None]
     return max(told) / min(told) if told else 1.0
