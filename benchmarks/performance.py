@@ -19,7 +19,8 @@ from .ledger import Row, Task
 from .peers import meshlab, open3d, speed
 from .tables import Table
 
-PART, WORKLOAD, OURS = "performance", "workload", "ours"
+PART, WORKLOAD, GROWTH, OURS = "performance", "workload", "growth", "ours"
+GROWN = 300  # frames on which the second core's gain and the exponents are measured
 PROJECTED = 120  # frames that all are given: MeshLab holds every one of them in memory
 VERTICES = 100_000
 PROJECTIONS: dict[str, Callable[..., Row]] = {
@@ -42,6 +43,9 @@ def tasks(
     found, notes = [], []
     make = partial(_workload, frames, texture, cache, options)
     found.append(Task(PART, WORKLOAD, f"{frames} frames", f"{about}, {frames}", make))
+    grown = min(GROWN, frames)
+    make = partial(_growth, grown, texture, cache, options)
+    found.append(Task(PART, GROWTH, f"{grown} frames", f"{about}, {grown}", make))
     for name, project in PROJECTIONS.items():
         if name in LACKING and (reason := LACKING[name]()):
             notes.append(f"{name}: left out, {reason}")
@@ -58,6 +62,13 @@ def tasks(
 def _workload(frames: int, texture: int, cache: Path | None, options: Options, folder: Path) -> Row:
     wanted = Wanted(frames, texture, automatic=True)
     return {"told": benchmark(wanted, options, cache, partial(print, file=sys.stderr))}
+
+
+def _growth(frames: int, texture: int, cache: Path | None, options: Options, folder: Path) -> Row:
+    """What the second core gains; on one of them, exponents in frames and texels."""
+    wanted = Wanted(frames, texture, threads=(1, 2), scaling=True, cold=False)
+    told = benchmark(wanted, options, cache, partial(print, file=sys.stderr))
+    return {name: told[name] for name in ("second_core", "scaling")}
 
 
 def _projection(
@@ -77,9 +88,9 @@ def tables(rows: Sequence[Row]) -> list[Table]:
     made = []
     good = [row for row in rows if "error" not in row]
     for row in good:
-        if row["scene"] == WORKLOAD:
+        if row["scene"] in (WORKLOAD, GROWTH):
             made += [Table(s.title, [*s.headings], [*map(list, s.cells)], s.notes)
-                     for s in sheets(row["told"])]  # fmt: skip
+                     for s in sheets(row.get("told", row))]  # fmt: skip
     if projected := [row for row in good if row["scene"] == "projection"]:
         made.append(_projected(projected))
     made += [_seen(row) for row in good if row["scene"] == "visibility"]

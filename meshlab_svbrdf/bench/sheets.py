@@ -38,8 +38,9 @@ class Sheet:
 
 def sheets(told: Figures) -> list[Sheet]:
     """All tables of a benchmark's figures, as `bench.measure` gives them."""
-    made = [_stages(run) for run in told["runs"]]
-    made += [_paper(told["runs"])]
+    runs = told.get("runs", [])
+    made = [_stages(run) for run in runs]
+    made += [_paper(runs)] if runs else []
     for key, make in (
         ("slope", _slope), ("second_core", _second_core), ("automatic", _automatic),
         ("scaling", _scaling), ("roofline", _roofline),

@@ -22,8 +22,8 @@ def test_what_is_lacking_is_said_and_left_out(tmp_path, monkeypatch):
     assert notes == ["MeshLab: left out, needs a display"]
     named = [(task.scene, task.name) for task in tasks]
     assert named == [
-        ("workload", "12 frames"), ("projection", "ours"), ("projection", "Open3D"),
-        ("visibility", "embreex"),
+        ("workload", "12 frames"), ("growth", "12 frames"), ("projection", "ours"),
+        ("projection", "Open3D"), ("visibility", "embreex"),
     ]  # fmt: skip
 
 
@@ -43,6 +43,16 @@ def test_our_visibility_is_no_worse_than_plain_rays():
     ours, plain = vertex_visibility(mesh, 512), speed.plain_visibility(mesh, 512)
     assert speed.wrong(mesh, ours) < 1.05 * speed.wrong(mesh, plain) < 0.02
     assert speed.wrong(mesh, -ours) > 0.9
+
+
+def test_what_the_second_core_gains_and_the_exponents_are_shown():
+    growth = {
+        "scene": "growth", "second_core": {"threads": [1, 2], "gains": {"whole": 1.75}},
+        "scaling": [{"size": "frames", "sizes": [1, 2, 4], "whole": 0.9, "stages": {"a": 1.1}}],
+    }  # fmt: skip
+    second, exponents = performance.tables([growth])
+    assert second.cells == [["whole", "1.75"]]
+    assert exponents.cells == [["a", "1.10"], ["whole", "0.90"]]
 
 
 def test_tables_compare_with_ours():
