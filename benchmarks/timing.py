@@ -20,6 +20,7 @@ from .tables import Column, Table, table
 PART = "time"
 STEP, HEIGHT = "compute_svbrdf_samples.step", "generate_svbrdf_environment_map.height"
 VISIBILITY, BANDS = "compute_svbrdf_visibility.mode", "compute_svbrdf_visibility.bands"
+DIRECTIONS = "compute_svbrdf_visibility.directions"
 SHADOWS = "compute_svbrdf_material_specular.shadows"
 PRESET, FRAMES, TEXELS, ENVIRONMENT, SHADOW, PAPER, PEER = (
     "preset", "frames", "texels", "environment", "visibility", "paper", "peer",
@@ -56,6 +57,7 @@ def setups(texture: int) -> dict[str, tuple[str, Setup, bool]]:
     found |= {f"{n} rows": (ENVIRONMENT, knob(**{HEIGHT: n}), True) for n in (32, 64, 256)}
     found["no visibility"] = (SHADOW, knob(**{VISIBILITY: "never"}), True)
     found |= {f"{n} bands": (SHADOW, knob(**{BANDS: n}), True) for n in (2, 3)}
+    found |= {f"{n} directions": (SHADOW, knob(**{DIRECTIONS: n}), True) for n in (32, 512)}
     found["6 bands, no rays"] = (SHADOW, knob(**{SHADOWS: "harmonics"}), True)
     found["paper"] = (PAPER, Setup("paper", texture=texture), True)
     return found

@@ -21,6 +21,7 @@ from .script import Step, read_script
 SPACING = "compute_svbrdf_samples.spacing"
 FRAMES = "compute_svbrdf_samples.frames"
 TEXTURE_SIZE = "compute_svbrdf_texels.texture_size"
+DIRECTIONS = "compute_svbrdf_visibility.directions"
 CHAINS = {"joint": "svbrdf.mlx", "paper": "svbrdf_paper.mlx"}
 
 
@@ -43,10 +44,14 @@ PRESETS = {
             TEXTURE_SIZE: "512",
             SPACING: "6",
             FRAMES: "90",
+            DIRECTIONS: "128",
             "generate_svbrdf_environment_map.samples": "500000",
         },
     ),
-    "standard": Preset("the default: a frame every 3°, 160 at most", {SPACING: "3", FRAMES: "160"}),
+    "standard": Preset(
+        "the default: a frame every 3°, 160 at most",
+        {SPACING: "3", FRAMES: "160", DIRECTIONS: "128"},
+    ),
     "full": Preset("every frame: the last tenths of a decibel"),
 }
 
