@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 
-from meshlab_svbrdf.blocks import blocks, places, room, rowwise, taken
+from meshlab_svbrdf.blocks import blocks, room, rowwise
 from meshlab_svbrdf.document.document import Document
 from meshlab_svbrdf.geometry.gutters import fill_gutters
 from meshlab_svbrdf.geometry.texels import Texels
-from meshlab_svbrdf.rendering.colors import viridis
+from meshlab_svbrdf.rendering.colors import scale_of, viridis
 from meshlab_svbrdf.samples.luminance import to_srgb8
 from meshlab_svbrdf.threads import side_by_side
 
 from ._stages import UNOBSERVED_GREY, share
 
+LOGARITHMIC = ("alpha", "roughness")
+"""Maps whose scale of colours is so."""
 TOO_BRIGHT = 0.001
 """Of the texels: that so many are clipped in the 8-bit texture is not worth a word."""
 
@@ -58,21 +60,14 @@ def set_scalar_map(
     values: np.ndarray,
     *,
     shown: str,
-    logarithmic: bool = False,
 ) -> None:
     """maps/NAME.exr of (T,), NaN where unobserved, and a coloured layer `map: SHOWN`."""
     document.set_map(name, texels.images(rowwise(lambda some: some.astype(np.float32), values)))
-    known, scale = np.isfinite(values), values
-    if logarithmic:
-        scale = rowwise(lambda some: np.log(np.maximum(some, 1e-6)), values)
-    inner = taken(scale, places(known))
-    low, high = np.quantile(inner, [0.01, 0.99], overwrite_input=True) if len(inner) else (0.0, 1.0)
-    if high - low < 1e-6 * max(abs(high), 1e-6):
-        low, high = low - 0.5, high + 0.5
+    known = np.isfinite(values)
+    scale = scale_of(values, name in LOGARITHMIC)
     colors = room((len(values), 3), np.uint8)
     colors[:] = UNOBSERVED_GREY
     for own in blocks(len(values)):
-        place = (scale[own] - low) / (high - low)
-        colors[own][known[own]] = viridis(place[known[own]])
+        colors[own][known[own]] = viridis(scale.share(values[own][known[own]]))
     set_texture(document, name, texels, colors)
     document.show_map(shown, name)

@@ -10,14 +10,26 @@ from meshlab_svbrdf.geometry.camera import Camera
 from meshlab_svbrdf.geometry.mesh import Mesh
 from meshlab_svbrdf.reflectance.labels import palette
 from meshlab_svbrdf.rendering.acquisition import AcquisitionRenderer
+from meshlab_svbrdf.rendering.colors import scale_of, viridis
 from meshlab_svbrdf.rendering.paths import framed, turntable, upward
 from meshlab_svbrdf.rendering.surface import SurfaceRenderer
-from meshlab_svbrdf.reporting.html import Html, figure, join, note, picture, section, table, tag
-from meshlab_svbrdf.reporting.plots import chart, histogram
+from meshlab_svbrdf.reporting.html import (
+    Html,
+    css,
+    figure,
+    join,
+    note,
+    picture,
+    section,
+    table,
+    tag,
+)
+from meshlab_svbrdf.reporting.plots import chart, color_bar, histogram
 from meshlab_svbrdf.samples.luminance import decode, to_srgb8
 
 from ._comparison import chosen_frames, compare_frames
 from ._lights import read_lights
+from ._maps import LOGARITHMIC
 from ._matte import matte
 from .generate_svbrdf_rendering import read_appearance
 
@@ -29,6 +41,8 @@ MAP = 380
 GREY = 245
 COMPARED = 3
 """Frames that are compared."""
+SHADES = 64
+"""Of a scale of colours."""
 COLORS = ("#c0453b", "#3f8f4f", "#3a6ea5")
 MAPS = {  # file: title, its PNG, whether its histogram is logarithmic, unit
     "diffuse": ("Diffuse colour", "diffuse", False, "linear, 1 = white"),
@@ -71,7 +85,8 @@ def object_views(document: Document) -> Html:
             parts.append(picture(shown(worn, cameras[0]), caption))
     return section(
         title, note(words), tag("div", *turned, class_="strip"),
-        note("The first view in its maps (in colour scales bright is much, grey is unobserved)."),
+        note("The first view in its maps (in colour scales, whose numbers are at the "
+            "maps below, bright is much; grey is unobserved)."),
         tag("div", *parts, class_="strip"),
     )  # fmt: skip
 
@@ -97,7 +112,8 @@ def maps(document: Document) -> Html:
         if not document.map_paths(name):
             continue
         pixels = np.concatenate([m.reshape(-1, *m.shape[2:]) for m in document.map(name)])
-        parts.append(_map(document, title, image, pixels, log, unit))
+        bar = _bar(pixels, unit, name in LOGARITHMIC) if pixels.ndim == 1 else Html()
+        parts.append(_map(document, title, image, pixels, log, unit, bar))
     if document.map_paths("material", "png"):
         parts.append(_labels(document))
     if not parts:
@@ -106,7 +122,7 @@ def maps(document: Document) -> Html:
         "Maps",
         note(
             "As they lie in the texture. Histograms leave out what is unobserved; values beyond "
-            "their ends count there."
+            "their ends count there. Colours run from the first percent of the values to the last."
         ),
         *parts,
     )
@@ -142,7 +158,8 @@ def comparison(document: Document) -> Html:
 
 
 def _map(
-    document: Document, title: str, image: str, pixels: np.ndarray, log: bool, unit: str
+    document: Document, title: str, image: str, pixels: np.ndarray, log: bool, unit: str,
+    bar: Html,
 ) -> Html:  # fmt: skip
     pixels = pixels.reshape(len(pixels), int(np.prod(pixels.shape[1:])))
     values = pixels[np.isfinite(pixels).all(1)]
@@ -160,9 +177,13 @@ def _map(
     middle = " · ".join(f"{m:.3g}" for m in np.median(values, axis=0))
     ends = f"{values.min():.3g} to {values.max():.3g}"
     caption = f"{len(values):,} texels; median {middle}; {ends}"
-    return join(
-        [tag("h3", title), tag("div", *images, figure(drawn, caption), class_="grid")]
-    )  # fmt: skip
+    worn = tag("div", *images, bar)
+    return join([tag("h3", title), tag("div", worn, figure(drawn, caption), class_="grid")])
+
+
+def _bar(values: np.ndarray, unit: str, log: bool) -> Html:
+    """What the colours of a map of values (n,) mean."""
+    return color_bar(viridis(np.linspace(0, 1, SHADES)), *scale_of(values, log), unit)
 
 
 def _labels(document: Document) -> Html:
@@ -181,8 +202,7 @@ def _labels(document: Document) -> Html:
 
 def swatch(color: np.ndarray) -> Html:
     """A small square of a colour (3,) uint8."""
-    code = "#" + "".join(f"{int(c):02x}" for c in color)
-    return tag("span", class_="swatch", style=f"background:{code}")
+    return tag("span", class_="swatch", style=f"background:{css(color)}")
 
 
 def side_name(k: int) -> str:

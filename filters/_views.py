@@ -16,7 +16,7 @@ from meshlab_svbrdf.errors import SvbrdfError
 from meshlab_svbrdf.filter import Namespace, Parameter
 from meshlab_svbrdf.geometry.camera import Camera
 from meshlab_svbrdf.progress import Progress
-from meshlab_svbrdf.rendering.paths import smooth_way, turntable, upward
+from meshlab_svbrdf.rendering.paths import fitting, smooth_way, turntable, upward
 from meshlab_svbrdf.rendering.surface import SurfaceRenderer
 from meshlab_svbrdf.samples.luminance import decode, to_srgb8
 
@@ -110,15 +110,16 @@ def _path(
             return smooth_way(cameras, parameters.frames)
         except ValueError as error:
             raise SvbrdfError(f"{where}{error}; give other cameras") from None
-    mesh, distance = document.mesh(), parameters.distance
+    mesh, distance, up = document.mesh(), parameters.distance, upward(cameras)
     if 0 < distance <= mesh.radius:
         raise SvbrdfError(
             f"distance is {distance:.3g}, within the object's radius of {mesh.radius:.3g}"
         )
+    elevation = parameters.elevation
+    distance = distance or fitting(cameras[0], mesh.center, mesh.vertices, up, elevation)
     return turntable(
-        cameras[0], mesh.center, mesh.radius, upward(cameras), parameters.frames,
-        parameters.elevation, distance,
-    )  # fmt: skip
+        cameras[0], mesh.center, mesh.radius, up, parameters.frames, elevation, distance
+    )
 
 
 def render_views(

@@ -28,7 +28,7 @@ from ._stages import read_curved_observations, read_lights_found, read_observati
 FILTER = Filter(
     name="compute_svbrdf_material_specular",
     title="SVBRDF: specular per material",
-    version=3,
+    version=4,
     needs=(
         "mesh", "rasters", "texels", "visibility", "samples", "environment", "diffuse", "lights",
         "materials",
@@ -183,9 +183,7 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
     side_by_side(
         lambda: brighter.extend(set_diffuse_maps(document, texels, diffuse)),
         lambda: set_scalar_map(document, "rho_s", texels, rho_s, shown="rho_s"),
-        lambda: set_scalar_map(
-            document, "alpha", texels, alpha, shown="shininess", logarithmic=True
-        ),
+        lambda: set_scalar_map(document, "alpha", texels, alpha, shown="shininess"),
     )
     notes = [*notes, *brighter]
     if any(microfacets):
@@ -233,7 +231,7 @@ def _set_microfacets(
     document.set_attribute("material_roughness", roughness)
     document.set_attribute("material_f0", f0)
     document.set_attribute("material_strength", strength / 100)
-    set_scalar_map(document, "roughness", texels, roughness, shown="roughness", logarithmic=True)
+    set_scalar_map(document, "roughness", texels, roughness, shown="roughness")
     document.set_map("f0", texels.to_images(f0))
     document.set_map("strength", texels.to_images(strength / 100))
 

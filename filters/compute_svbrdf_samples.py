@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from itertools import takewhile
+
 import numpy as np
 
+from meshlab_svbrdf.document.deep_images import is_exr
 from meshlab_svbrdf.document.document import Document
 from meshlab_svbrdf.document.frames import Frames
 from meshlab_svbrdf.errors import DocumentError, SvbrdfError
@@ -23,9 +26,9 @@ from ._samples import project_frames
 from ._stages import counted, share
 
 VARYING = 0.03  # robust spread of ln gain; a locked exposure leaves .003
-CHANGED = 0.04
-"""Of ln brightness of one side over the other: .02 at most under steady light, .05 to .3 where
-what faces one way gets 30 % less from the middle on (docs/stability.md)."""
+CHANGED = 0.03
+"""Of ln brightness of one side over the other: .01 at most under steady light, .03 with much gold;
+.04 to .2 where what faces one way gets 30 % less from the middle on (docs/stability.md)."""
 FICKLE = 0.06
 """Of ln brightness from frame to frame: texels that change more are all gloss, and tell nothing of
 the light. Gold has .1, other films up to .03."""
@@ -36,7 +39,7 @@ FILTER = Filter(
     title="SVBRDF: samples",
     needs=("mesh", "rasters", "texels"),
     writes=("samples",),
-    version=4,
+    version=5,
     parameters=(
         Parameter(
             "exposure", "enum", "auto", choices=("auto", "exif", "raster", "none"),
@@ -280,12 +283,13 @@ def _exposures(rasters, wanted: str) -> tuple[np.ndarray, str]:
             lacking = [r.label for r in rasters if r.exposure is None]
             raise DocumentError(f"rasters without svbrdf_exposure: {', '.join(lacking[:8])}")
     if wanted in ("auto", "exif"):
-        frames = Frames(rasters)
-        values = [frames.exposure(r, asked=wanted == "exif") for r in rasters]
-        if None not in values:
+        frames, asked = Frames(rasters), wanted == "exif"
+        told = (frames.exposure(r, asked=asked) for r in rasters)
+        values = list(takewhile(lambda value: value is not None, told))  # else asks no further
+        if len(values) == len(rasters):
             return np.array(values) / np.median(np.array(values)), "exif"
-        if wanted == "exif":
-            lacking = [r.label for r, v in zip(rasters, values, strict=True) if v is None]
+        if asked:
+            lacking = [r.label for r in rasters if frames.exposure(r, asked=True) is None]
             raise DocumentError(f"frames without EXIF exposure: {', '.join(lacking[:8])}")
     return np.ones(len(rasters)), "none"
 
@@ -293,6 +297,6 @@ def _exposures(rasters, wanted: str) -> tuple[np.ndarray, str]:
 def _untrusted(rasters) -> float:
     """How far exposures are apart that only OpenEXR's headers tell; 1 where none are told."""
     frames = Frames(rasters)
-    untold = [r for r in rasters if r.exposure is None and frames.exposure(r) is None]
+    untold = [r for r in rasters if r.exposure is None and is_exr(frames.file(r))]
     told = [e for r in untold if (e := frames.exposure(r, asked=True)) is not None]
     return max(told) / min(told) if told else 1.0

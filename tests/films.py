@@ -2,7 +2,6 @@
 
 noise        pictures no two of which are alike
 write_video  pictures as a video, lossless unless told otherwise
-turn         a display matrix, written into an MP4
 """
 
 from __future__ import annotations
@@ -59,12 +58,3 @@ def write_video(
             container.mux(stream.encode(picture))
         container.mux(stream.encode(None))
     return path
-
-
-def turn(path: Path, a: int, b: int, c: int, d: int) -> None:
-    """Let an MP4 be shown with x' = a x + c y, y' = b x + d y."""
-    data = bytearray(path.read_bytes())
-    at = data.index(b"tkhd") + 44
-    matrix = np.array([a << 16, b << 16, 0, c << 16, d << 16, 0, 0, 0, 1 << 30], ">i4")
-    data[at : at + 36] = matrix.tobytes()
-    path.write_bytes(data)

@@ -11,12 +11,19 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from meshlab_svbrdf.errors import SvbrdfError
 from meshlab_svbrdf.geometry.camera import Camera
 from meshlab_svbrdf.geometry.mesh import Mesh
 
 from .paint import Maps
 from .variant import Lamp, Variant
 
+NEEDED = (3, 9)
+if tuple(int(part) for part in mi.__version__.split(".")[:2]) < NEEDED:
+    raise SvbrdfError(
+        f"Mitsuba {mi.__version__} is installed: needs Mitsuba >= 3.9, for older ones "
+        "render facets where normals are smooth (pip install 'mitsuba>=3.9')"
+    )
 mi.set_variant("llvm_ad_rgb")
 
 from .phong import Phong  # noqa: E402, F401  (registers itself; needs the variant)

@@ -1,14 +1,12 @@
 """Which texels touch on the surface, whatever the charts of the texture cut apart.
 
-neighbours   the graph as CSR          components   its connected parts
-spacing      how far texels are apart  thin         a subset that covers the surface evenly
+neighbours   the graph as CSR          pieces, components   its connected parts
+spacing      how far texels are apart  thin                 a subset that covers the surface evenly
 """
 
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components
 
 from ..blocks import blocks, in_pieces, room
 from ..jit import kernel
@@ -67,16 +65,37 @@ def spacing(position: np.ndarray) -> float:
     return float(np.median(nearest_to(asked, position, k + 1)[0][:, -1]))
 
 
+@kernel
+def pieces(indptr, indices, labels):
+    """Connected pieces of each label: (T,) int32 from 0, −1 where there is no label."""
+    piece = np.full(len(labels), -1, np.int32)
+    queue = np.empty(len(labels), np.int32)
+    count = 0
+    for start in range(len(labels)):
+        if labels[start] < 0 or piece[start] >= 0:
+            continue
+        piece[start] = count
+        queue[0] = start
+        first, last = 0, 1
+        while first < last:
+            i = queue[first]
+            first += 1
+            for e in range(indptr[i], indptr[i + 1]):
+                j = indices[e]
+                if piece[j] < 0 and labels[j] == labels[i]:
+                    piece[j] = count
+                    queue[last] = j
+                    last += 1
+        count += 1
+    return piece
+
+
 def components(indptr: np.ndarray, indices: np.ndarray, keep: np.ndarray) -> np.ndarray:
     """Connected parts of the graph among the texels of `keep` (T,) bool.
 
     Returns (T,) int32: the part's number from 0, −1 outside `keep`.
     """
-    chosen = np.flatnonzero(keep)
-    part = np.full(len(keep), -1, np.int32)
-    graph = csr_array((np.ones(len(indices), np.int8), indices, indptr), shape=(len(keep),) * 2)
-    part[chosen] = connected_components(graph[chosen][:, chosen], directed=False)[1]
-    return part
+    return pieces(indptr, indices, np.where(keep, np.int32(0), np.int32(-1)))
 
 
 def thin(position: np.ndarray, normal: np.ndarray, count: int) -> np.ndarray:

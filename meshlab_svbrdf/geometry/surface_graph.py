@@ -10,7 +10,7 @@ from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
 from ..jit import kernel
-from .adjacency import neighbours, spacing
+from .adjacency import components, neighbours, spacing
 
 
 class SurfaceGraph:
@@ -64,7 +64,7 @@ class SurfaceGraph:
 
     def components(self, keep: np.ndarray) -> np.ndarray:
         """As `adjacency.components`: (T,) int32 parts of `keep` (T,) bool, −1 outside."""
-        return _parts(np.ascontiguousarray(keep, np.bool_), *self.adjacency)
+        return components(*self.adjacency, keep)
 
     def around(self, texels: np.ndarray) -> np.ndarray:
         """All neighbours of some texels, without order or with repetition."""
@@ -114,27 +114,3 @@ def _neighbours_of(texels, indptr, indices):
             found[n] = indices[e]
             n += 1
     return found
-
-
-@kernel
-def _parts(keep, indptr, indices):
-    part = np.full(len(keep), -1, np.int32)
-    queue = np.empty(len(keep), np.int32)
-    count = 0
-    for start in range(len(keep)):
-        if not keep[start] or part[start] >= 0:
-            continue
-        part[start] = count
-        queue[0] = start
-        first, last = 0, 1
-        while first < last:
-            i = queue[first]
-            first += 1
-            for e in range(indptr[i], indptr[i + 1]):
-                j = indices[e]
-                if keep[j] and part[j] < 0:
-                    part[j] = count
-                    queue[last] = j
-                    last += 1
-        count += 1
-    return part

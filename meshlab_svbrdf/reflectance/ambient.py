@@ -4,6 +4,8 @@ D = a (E + A·o) + c ρ A κ: a texel's albedo a, the lamps' irradiance E, the a
 openness o of the texel to it, and the lobe's share of it, κ = 2 o/(α + 1) (the integral of a
 Phong lobe over a uniform surrounding, over π). A is what makes neighbouring texels of a material
 most alike in albedo, whatever the lamps do between them: the sum of |ln a_i − ln a_j| is least.
+Metals, which their coloured highlights give away, have no albedo: what is left in their D is no
+shading, and is not asked.
 """
 
 from __future__ import annotations
@@ -27,6 +29,8 @@ TEXELS = 5000
 NEIGHBOURS, REACH = 12, 3.0
 DARKEST = 0.5
 """Luminance units, below which D tells no ratio."""
+COLORED = 0.3
+"""Of a highlight's colour, between its channels: from here on it is a metal's."""
 GROUPS = 8
 CERTAIN = 3.0
 """Standard errors, from which on the ambient light counts as seen."""
@@ -115,7 +119,8 @@ def ambient_light(
     """
     unknown = Ambient(np.zeros(3), np.full(3, np.inf))
     bright = rowwise(lambda some: np.nan_to_num(some).min(1) > DARKEST, diffuse)
-    usable = places((material >= 0) & bright)
+    shaded = np.append(np.ptp(tint, axis=1) < COLORED, False)
+    usable = places(shaded[material] & bright)
     if not lights or len(usable) < TEXELS // 10:
         return unknown
     texels = observations.texels

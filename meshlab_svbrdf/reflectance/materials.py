@@ -16,7 +16,7 @@ from skimage.color.colorconv import xyz_from_rgb
 
 from meshlab_svbrdf.blocks import blocks, in_pieces, places, room, taken
 from meshlab_svbrdf.errors import SvbrdfError
-from meshlab_svbrdf.geometry.adjacency import neighbours, thin
+from meshlab_svbrdf.geometry.adjacency import neighbours, pieces, thin
 from meshlab_svbrdf.reflectance import regions
 
 # Shading changes lightness and hardly hue. A fifth of L*, from black to white, is as wide as a
@@ -200,7 +200,7 @@ def _without_strips(
     """Labels after mixtures along borders, specks, and what is small without them, are gone."""
     for _ in range(STRIP_ROUNDS):
         means, count = _means(labels, colors)
-        piece = regions.pieces(*adjacency, labels)
+        piece = pieces(*adjacency, labels)
         if piece.max(initial=-1) < 0:
             break
         sides = _mixtures(colors, adjacency, labels, piece, means, strip)

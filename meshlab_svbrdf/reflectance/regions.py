@@ -154,31 +154,6 @@ def settle(
 
 
 @kernel
-def pieces(indptr, indices, labels):
-    """Connected pieces of each label: (T,) int32 from 0, −1 where there is no label."""
-    piece = np.full(len(labels), -1, np.int32)
-    queue = np.empty(len(labels), np.int64)
-    count = 0
-    for start in range(len(labels)):
-        if labels[start] < 0 or piece[start] >= 0:
-            continue
-        piece[start] = count
-        queue[0] = start
-        first, last = 0, 1
-        while first < last:
-            i = queue[first]
-            first += 1
-            for e in range(indptr[i], indptr[i + 1]):
-                j = indices[e]
-                if piece[j] < 0 and labels[j] == labels[i]:
-                    piece[j] = count
-                    queue[last] = j
-                    last += 1
-        count += 1
-    return piece
-
-
-@kernel
 def depths(indptr, indices, labels, piece, deepest):
     """Steps to the border with another label: (T,) int32 from 1, 0 where there is no way to one.
 

@@ -2,8 +2,39 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import cv2
 import numpy as np
+
+from ..blocks import places, taken
+
+
+class Scale(NamedTuple):
+    """From where to where colours tell values, and whether they go by their logarithms."""
+
+    low: float
+    high: float
+    log: bool
+
+    def share(self, values: np.ndarray) -> np.ndarray:
+        """How far along the scale values lie, 0..1; NaN stays."""
+        place = np.log if self.log else np.asarray
+        low, high = place(self.low), place(self.high)
+        return (place(np.clip(values, self.low, self.high)) - low) / (high - low)
+
+
+def scale_of(values: np.ndarray, logarithmic: bool = False) -> Scale:
+    """From the first to the last percent of values (T,), NaN where unknown; half of it to both
+    sides where all are the same. A logarithmic scale needs values above 0."""
+    flat = np.ravel(values)
+    known = taken(flat, places(np.isfinite(flat)))
+    low, high = (0.0, 1.0)
+    if len(known):
+        low, high = map(float, np.quantile(known, [0.01, 0.99], overwrite_input=True))
+    if high - low <= 1e-6 * max(abs(low), abs(high)):
+        low, high = low - 0.5 * max(abs(low), 1e-3), high + 0.5 * max(abs(high), 1e-3)
+    return Scale(low, high, logarithmic and low > 0)
 
 
 def viridis(share: np.ndarray) -> np.ndarray:

@@ -3,6 +3,7 @@
 upward      which way is up, from how cameras were held
 smooth_way  a film from one camera over others to the last
 turntable   a film around the object, which ends where it began
+fitting     how far away it just shows all of it
 framed      the part of views that shows the object
 """
 
@@ -19,7 +20,7 @@ from ..geometry.camera import Camera
 from ..reflectance.lights import tangents
 
 AIR = 1.1
-"""Times the distance at which the object's sphere just fills the image."""
+"""Times the distance at which the object, or its sphere, just fills the image."""
 SPREAD = 0.02
 """Mean square of the cameras' rows across their main direction (8° of the walk) that tells up."""
 
@@ -76,7 +77,7 @@ def turntable(
     center, radius : of the object, whose centre is seen in the middle of the image
     up : (3,) unit, the axis
     elevation : degrees above the horizon
-    distance : from the centre; 0: so that the whole object fits
+    distance : from the centre; 0: so that the object's sphere fits
     """
     if not distance:
         half = min(camera.width / camera.fx, camera.height / camera.fy) / 2
@@ -97,6 +98,25 @@ def turntable(
         R = np.array([right, np.cross(right, out), -out])
         found.append(replace(middle, R=R, t=-R @ (center + distance * out)))
     return found
+
+
+def fitting(
+    camera: Camera, center: np.ndarray, vertices: np.ndarray, up: np.ndarray, elevation: float
+) -> float:
+    """The distance from which a turntable shows the vertices (V, 3) whole, wherever it stands.
+
+    A vertex runs on a circle of radius r at the height h. Where the camera sees it at (x, y), z
+    towards the camera, it must be z + |x|/w and z + |y|/w' away, w and w' half the image over its
+    focal lengths: the largest of both over the circle has a closed form.
+    """
+    away = np.asarray(vertices, float) - center
+    h = away @ up
+    r = np.linalg.norm(away - h[:, None] * up, axis=1)
+    wide, tall = camera.width / camera.fx / 2, camera.height / camera.fy / 2
+    c, s = np.cos(np.radians(elevation)), np.sin(np.radians(elevation))
+    beside = (r * np.hypot(c, 1 / wide) + h * s).max()
+    above, below = ((r * abs(c - k * s) + h * (s + k * c)).max() for k in (1 / tall, -1 / tall))
+    return AIR * float(max(beside, above, below))
 
 
 def framed(cameras: Sequence[Camera], vertices: np.ndarray, margin: int = 12) -> list[Camera]:

@@ -132,6 +132,11 @@ def picture(image: np.ndarray, caption: str, most: int = 640) -> Html:
     return tag("figure", shown, tag("figcaption", caption))
 
 
+def css(color: np.ndarray) -> str:
+    """A colour (3,) uint8 as CSS knows it."""
+    return "#" + "".join(f"{int(c):02x}" for c in color)
+
+
 def figure(drawing: Html, caption: str) -> Html:
     return tag("figure", drawing, tag("figcaption", caption))
 

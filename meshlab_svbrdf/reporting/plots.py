@@ -1,4 +1,4 @@
-"""Small charts as SVG inside a page: lines, bars and dots over one pair of axes."""
+"""Small charts as SVG inside a page: lines, bars and dots over axes, scales of colours."""
 
 from __future__ import annotations
 
@@ -7,11 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .html import Html, tag
+from .html import Html, css, tag
 
 WIDTH, HEIGHT = 420, 210
 LEFT, RIGHT, TOP, BOTTOM = 44, 10, 10, 36
 BINS = 60
+BAR = 12
+"""The height of a scale of colours."""
 
 
 @dataclass(frozen=True)
@@ -80,6 +82,25 @@ def chart(
         parts.append(tag("rect", x=WIDTH - RIGHT - 12, y=y - 8, width=10, height=8, fill=s.color))
         parts.append(tag("text", s.label, x=WIDTH - RIGHT - 16, y=y, text_anchor="end"))
     return tag("svg", *parts, view_box=f"0 0 {WIDTH} {HEIGHT}", role="img")
+
+
+def color_bar(colors: np.ndarray, low: float, high: float, log: bool, label: str) -> Html:
+    """What a scale of colours (n, 3) uint8 means, that runs evenly between two values or (log)
+    between their logarithms."""
+    scale = np.log10 if log else np.asarray
+    low, high = float(scale(low)), float(scale(high))
+    wide = WIDTH - LEFT - RIGHT
+    step = wide / len(colors)
+    parts = [
+        tag("rect", x=_n(LEFT + k * step), y=0, width=_n(step + 0.5), height=BAR, fill=css(color))
+        for k, color in enumerate(colors)
+    ]
+    for value in _log_ticks(low, high) if log else ticks(low, high):
+        x = LEFT + (float(scale(value)) - low) / (high - low) * wide
+        parts.append(tag("line", x1=_n(x), x2=_n(x), y1=BAR, y2=BAR + 4, stroke="#8a9096"))
+        parts.append(tag("text", _told(value), x=_n(x), y=BAR + 16, text_anchor="middle"))
+    parts.append(tag("text", label, x=LEFT + wide / 2, y=BAR + 32, text_anchor="middle"))
+    return tag("svg", *parts, view_box=f"0 0 {WIDTH} {BAR + BOTTOM}", role="img")
 
 
 def _drawn(s: Series, place_x, place_y) -> list[Html]:

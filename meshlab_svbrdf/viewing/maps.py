@@ -9,7 +9,7 @@ import numpy as np
 
 from ..errors import SvbrdfError
 from ..jit import kernel
-from ..rendering.colors import viridis
+from ..rendering.colors import scale_of, viridis
 from ..samples.luminance import to_srgb8
 from .scene import Scene
 
@@ -129,15 +129,6 @@ def _scalar(scene: Scene, name: str) -> np.ndarray | None:
 
 
 def _scale(values: np.ndarray, *, logarithmic: bool) -> Shown:
-    """Viridis from the first to the last percent."""
-    known = np.isfinite(values)
-    low, high = np.quantile(values[known], [0.01, 0.99]) if known.any() else (0.0, 1.0)
-    if not high > low:
-        low, high = low - 0.5 * max(abs(low), 1e-3), high + 0.5 * max(abs(high), 1e-3)
-    scale = np.log if logarithmic and low > 0 else np.asarray
-    share = (scale(np.where(known, values, low).clip(low, high)) - scale(low)) / (
-        scale(high) - scale(low)
-    )
-    colors = viridis(share)
-    legend = {"low": float(low), "high": float(high), "log": bool(logarithmic and low > 0)}
-    return Shown(np.where(known[:, None], colors, UNOBSERVED), legend)
+    known, scale = np.isfinite(values), scale_of(values, logarithmic)
+    colors = viridis(scale.share(np.where(known, values, scale.low)))
+    return Shown(np.where(known[:, None], colors, UNOBSERVED), scale._asdict())

@@ -49,7 +49,7 @@ def test_what_is_found_exactly_is_told_without_an_error(tmp_path):
 
 def test_the_constants_are_mitsubas():
     mitsuba = pytest.importorskip(
-        "mitsuba", reason="the benchmark's renderer is not installed ([benchmark])"
+        "mitsuba", "3.9", reason="the benchmark's renderer is not installed ([benchmark])"
     )
     mitsuba.set_variant("scalar_rgb")
     point = mitsuba.SurfaceInteraction3f()

@@ -152,7 +152,7 @@ def _mitsuba_renders() -> bool:
 
 @pytest.fixture(scope="module")
 def inverse():
-    pytest.importorskip("mitsuba", reason="Mitsuba is not installed ([benchmark])")
+    pytest.importorskip("mitsuba", "3.9", reason="Mitsuba is not installed ([benchmark])")
     if not _mitsuba_renders():
         pytest.skip("Mitsuba does not render here (it needs LLVM 16 or newer)")
     from benchmarks.peers import mitsuba_inverse

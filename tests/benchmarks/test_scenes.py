@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import shutil
 import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -22,6 +24,7 @@ from benchmarks.scenes.shapes import make_shape
 from benchmarks.scenes.variant import Lamp
 from meshlab_svbrdf.document.images import read_exr, read_image, write_exr, write_png
 from meshlab_svbrdf.document.project import read_project
+from meshlab_svbrdf.errors import SvbrdfError
 from sample_projects.procedural.capture import Scene, picture
 from sample_projects.procedural.light import Floodlight, Material, Surface
 from sample_projects.procedural.paint import Atlas
@@ -42,7 +45,9 @@ def _mitsuba_renders() -> bool:
 
 @pytest.fixture(scope="module")
 def mitsuba():
-    pytest.importorskip("mitsuba", reason="the benchmark's renderer is not installed ([benchmark])")
+    pytest.importorskip(
+        "mitsuba", "3.9", reason="the benchmark's renderer is not installed ([benchmark])"
+    )
     if not _mitsuba_renders():
         pytest.skip("Mitsuba does not render here (it needs LLVM 16 or newer)")
 
@@ -91,6 +96,14 @@ def test_every_scene_has_its_own_name_and_cache():
     assert all(name == variant.name for name, variant in SCENES.items())
     assert len({repr(variant) for variant in SCENES.values()}) == len(SCENES)
     assert repr(SCENES["ggx"]).count("GgxMaterial") == 2  # what the cache knows a scene by
+
+
+def test_an_older_mitsuba_is_refused(monkeypatch):
+    monkeypatch.setitem(sys.modules, "mitsuba", SimpleNamespace(__version__="3.8.1"))
+    monkeypatch.setitem(sys.modules, "drjit", SimpleNamespace())
+    monkeypatch.delitem(sys.modules, "benchmarks.scenes.renderer", raising=False)
+    with pytest.raises(SvbrdfError, match=r"Mitsuba 3\.8\.1 is installed: needs Mitsuba >= 3\.9"):
+        importlib.import_module("benchmarks.scenes.renderer")
 
 
 def test_mitsuba_and_embree_agree(mitsuba):

@@ -7,8 +7,9 @@ from pathlib import Path
 import av
 import numpy as np
 import pytest
-from films import noise, turn, write_video
+from films import noise, write_video
 
+from benchmarks.phone_film import turn
 from meshlab_svbrdf.document import video as module
 from meshlab_svbrdf.document.images import write_jpeg
 from meshlab_svbrdf.document.video import VideoReader

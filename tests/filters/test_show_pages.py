@@ -134,6 +134,7 @@ def test_a_report_is_one_page_that_asks_for_nothing(result, tmp_path):
     assert len(images) > 20
     assert all(given["src"].startswith("data:image/jpeg;base64,") for given in images)
     assert not {name for name, _ in found} & {"script", "link", "iframe", "object", "a"}
+    assert text.count(">1 = white</text>") == text.count(">exponent</text>") == 1  # ρs, α
     plain = re.sub(r"<style>.*?</style>|<[^>]+>", " ", text, flags=re.DOTALL)
     for material in result.json("materials")["materials"]:
         if material["observed"]:

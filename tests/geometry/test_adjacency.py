@@ -5,9 +5,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial.transform import Rotation
 
-from meshlab_svbrdf.geometry.adjacency import components, neighbours, spacing, thin
+from meshlab_svbrdf.geometry.adjacency import components, neighbours, pieces, spacing, thin
 
 
 def sphere(count):
@@ -127,6 +129,21 @@ def test_components_number_only_what_is_kept():
     part = components(*adjacency, ~middle)
     assert (part[middle] == -1).all()
     assert sorted(np.bincount(part[part >= 0])) == [50, 50]
+
+
+def test_pieces_are_scipys_components_of_each_label():
+    rng = np.random.default_rng(5)
+    position = sphere(3000)
+    indptr, indices = neighbours(position, position)
+    labels = rng.integers(-1, 2, 3000).astype(np.int32)
+    piece = pieces(indptr, indices, labels)
+    assert ((piece < 0) == (labels < 0)).all()
+    graph = csr_array((np.ones(len(indices)), indices, indptr), shape=(3000, 3000))
+    for label in (0, 1):
+        own = labels == label
+        count, expected = connected_components(graph[own][:, own], directed=False)
+        assert count > 10
+        np.testing.assert_array_equal(np.unique(piece[own], return_inverse=True)[1], expected)
 
 
 def test_thin_covers_the_surface_evenly():

@@ -27,7 +27,7 @@ def test_lengths_are_the_distances_among_the_chosen(globe):
     assert globe.unit == spacing(globe.position)
 
 
-def test_parts_are_those_of_components(globe):
+def test_parts_are_those_of_the_one_off_function(globe):
     keep = np.abs(globe.position[:, 2]) > 0.5
     expected = components(*neighbours(globe.position, globe.normal), keep)
     np.testing.assert_array_equal(globe.components(keep), expected)

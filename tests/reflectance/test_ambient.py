@@ -45,10 +45,10 @@ def openness_of(o):
     return openness(o.texels, o.view.faces, o.view.coefficients, o.view.normal)
 
 
-def find(observations, diffuse, material, lights=LAMPS):
+def find(observations, diffuse, material, lights=LAMPS, tint=((1, 1, 1), (1, 1, 1))):
     open_ = openness_of(observations)
     return ambient_light(
-        observations, diffuse, material, RHO, ALPHA, np.ones((2, 3)), lights, open_
+        observations, diffuse, material, RHO, ALPHA, np.array(tint, float), lights, open_
     )
 
 
@@ -67,6 +67,18 @@ def test_ambient_light_is_found_in_every_channel(scene, depth, within):
     diffuse, _ = shade(observations, LAMPS, radiance, material, depth)
     found = find(observations, diffuse, material)
     np.testing.assert_allclose(found.radiance, radiance, rtol=within)
+
+
+def test_metals_are_not_asked(scene):
+    """What is left in the D of gold is not shaded by the lamps."""
+    observations, material = scene
+    radiance = np.array([0.2, 0.1, 0.05])
+    diffuse, _ = shade(observations, LAMPS, radiance, material, 0.02)
+    diffuse[material == 1] = 8 + 3 * albedo_of(observations)[material == 1]
+    gold = find(observations, diffuse, material, tint=((1, 1, 1), (1.2, 1, 0.4)))
+    np.testing.assert_allclose(gold.radiance, radiance, rtol=0.1)
+    as_paint = find(observations, diffuse, material)
+    assert not (np.abs(as_paint.radiance / radiance - 1) < 0.5).all()
 
 
 def test_exposure_does_not_matter(scene):

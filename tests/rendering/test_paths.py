@@ -9,7 +9,7 @@ from analytic import look_at, orbit, rotation
 from scipy.spatial.transform import Rotation, Slerp
 
 from meshlab_svbrdf.geometry.camera import Camera
-from meshlab_svbrdf.rendering.paths import smooth_way, turntable, upward
+from meshlab_svbrdf.rendering.paths import AIR, fitting, smooth_way, turntable, upward
 
 UP = np.array([0, 1.0, 0])
 
@@ -60,6 +60,22 @@ def test_a_turntable_shows_the_whole_object_or_stands_where_it_is_told():
     assert [np.linalg.norm(c.center - center) for c in told] == pytest.approx([9.0] * 3)
     above = turntable(replace(first, t=-first.R @ (center + 5 * UP)), center, radius, UP, 3)
     assert np.isfinite([camera.R for camera in above]).all()
+
+
+@pytest.mark.parametrize("elevation", [-35.0, 0.0, 20.0, 75.0])
+@pytest.mark.parametrize("shape", [(3.0, 0.2, 0.2), (0.2, 3.0, 0.3), (1.0, 1.0, 1.0)])
+def test_a_fitting_turntable_just_shows_all(shape, elevation):
+    """A tenth nearer, what was nearest to the border is on it."""
+    first, center = look_at((0, 0, 4)), np.array([0.1, 0.2, 0.3])
+    rng = np.random.default_rng(3)
+    points = center + rng.standard_normal((200, 3)) * shape
+    distance = fitting(first, center, points, UP, elevation)
+    for share, inside in ((1.0, True), (1 / AIR, True), (0.99 / AIR, False)):
+        ring = turntable(first, center, 1.0, UP, 720, elevation, share * distance)
+        x, y, z = np.concatenate([camera.project(points) for camera in ring]).T
+        fits = (np.abs(x - (first.width - 1) / 2) <= first.width / 2) & (z > 0)
+        fits &= np.abs(y - (first.height - 1) / 2) <= first.height / 2
+        assert fits.all() == inside
 
 
 def test_up_is_the_axis_of_a_walk_however_far_down_the_cameras_look():

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from pages import parsed
 
+from meshlab_svbrdf.rendering.colors import viridis
+from meshlab_svbrdf.reporting.html import css
 from meshlab_svbrdf.reporting.plots import (
     BOTTOM,
     HEIGHT,
@@ -15,6 +17,7 @@ from meshlab_svbrdf.reporting.plots import (
     WIDTH,
     Series,
     chart,
+    color_bar,
     histogram,
     ticks,
 )
@@ -76,3 +79,18 @@ def test_every_kind_is_drawn_and_labels_are_escaped():
 def test_nothing_to_plot_is_said():
     nothing = np.full(3, np.nan)
     assert "nothing to plot" in chart([Series(nothing, nothing)], "x")
+
+
+@pytest.mark.parametrize("log", [False, True])
+def test_a_scale_has_its_values_where_its_colours_are(log):
+    """A tick of what is halfway, by the values or by their logarithms, stands in the middle."""
+    low, high, half = (1.0, 100.0, 10) if log else (0.0, 20.0, 10)
+    colors = viridis(np.linspace(0, 1, 64))
+    drawn = color_bar(colors, low, high, log, "<x>")
+    bars = [given for name, given in parsed(drawn) if name == "rect"]
+    assert [given["fill"] for given in bars] == [css(color) for color in colors]
+    assert float(bars[0]["x"]) == LEFT
+    assert float(bars[-1]["x"]) + float(bars[-1]["width"]) == pytest.approx(WIDTH - RIGHT, abs=0.6)
+    middle = LEFT + (WIDTH - LEFT - RIGHT) / 2
+    assert f'x="{middle:g}" y="28" text-anchor="middle">{half}<' in drawn
+    assert "&lt;x&gt;" in drawn

@@ -13,16 +13,18 @@ TEXELS, CAMERAS = ball(T), orbit(F, turns=2, climb=80)
 LAMPS = [lamp([0.3, 0.5, 0.8]), lamp([-0.8, 0.3, 0.3], 0.7)]
 
 
-def shade(lamps):
-    """Lambert and gloss under lamps and ambient light, (T, F)."""
+def shade(lamps, metal):
+    """Lambert and gloss under lamps and ambient light, (T, F); a share of it is rough metal."""
     facing = sum(g.gain * np.maximum(TEXELS.normal @ g.direction, 0) for g in lamps)
     rng = np.random.default_rng(1)
     albedo = rng.uniform(15, 40, T)
-    return (albedo * (0.15 + facing))[:, None] + 20 * lobes(TEXELS, CAMERAS, lamps, 40.0)
+    paint = (albedo * (0.15 + facing))[:, None] + 20 * lobes(TEXELS, CAMERAS, lamps, 40.0)
+    shine = 2 + 70 * lobes(TEXELS, CAMERAS, lamps, 12.0)
+    return np.where((rng.random(T) < metal)[:, None], shine, paint)
 
 
-def filmed(folder, early, late, gain=None):
-    y = np.where(np.arange(F) < F / 2, shade(early), shade(late))
+def filmed(folder, early, late, gain=None, metal=0.0):
+    y = np.where(np.arange(F) < F / 2, shade(early, metal), shade(late, metal))
     y = y * (np.ones(F) if gain is None else gain)
     noise = np.random.default_rng(2).normal(0, 1, (T, F, 1))
     codes = np.clip(grey(y) + noise, 0, 255).astype(np.uint8)
@@ -36,6 +38,15 @@ def test_steady_light_is_steady(tmp_path):
     found = light_steadiness(filmed(tmp_path, LAMPS, LAMPS), np.ones(F))
     assert found.sides < 0.01
     assert found.turns < 0.03
+
+
+def test_the_gloss_of_a_half_is_no_light(tmp_path):
+    """Seen from higher up in the second half, metal is brighter above: on all of one side."""
+    steady = light_steadiness(filmed(tmp_path / "a", LAMPS, LAMPS, metal=2 / 3), np.ones(F))
+    assert steady.sides < 0.01
+    weaker = [replace(LAMPS[0], gain=0.7), LAMPS[1]]
+    changed = light_steadiness(filmed(tmp_path / "b", LAMPS, weaker, metal=2 / 3), np.ones(F))
+    assert changed.sides > 0.2
 
 
 @pytest.mark.parametrize(
