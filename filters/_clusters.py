@@ -46,4 +46,6 @@ def find_clusters(
         return labels, ""
     progress(0.3, "comparing highlights")
     glossy = by_gloss(observations, labels, colors, lights, turn, FOLLOWED * threshold)
+    if observations.rays is not None:
+        observations.rays.rest()
     return glossy, f"of {labels.max() + 1} by colour"

@@ -62,7 +62,7 @@ def set_scalar_map(
     shown: str,
 ) -> None:
     """maps/NAME.exr of (T,), NaN where unobserved, and a coloured layer `map: SHOWN`."""
-    document.set_map(name, texels.images(values.astype(np.float32)))
+    document.set_map(name, texels.images(rowwise(lambda some: some.astype(np.float32), values)))
     known = np.isfinite(values)
     scale = scale_of(values, name in LOGARITHMIC)
     colors = room((len(values), 3), np.uint8)

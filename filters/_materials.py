@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from meshlab_svbrdf.blocks import rowwise
+from meshlab_svbrdf.blocks import counted, rowwise
 from meshlab_svbrdf.document.document import Document
 from meshlab_svbrdf.document.layers import Layer
 from meshlab_svbrdf.document.mesh_files import MeshFile
@@ -41,7 +41,7 @@ SCRIPT = "material_edits"
 
 def read_labels(document: Document) -> np.ndarray:
     """(T,) int32, -1 for none."""
-    return document.attribute("material").astype(np.int32)
+    return document.attribute("material").astype(np.int32, copy=False)
 
 
 def cluster_at(points: np.ndarray, which: int, texels: Texels, labels: np.ndarray) -> int:
@@ -65,7 +65,7 @@ def set_labels(document: Document, texels: Texels, labels: np.ndarray) -> str:
     document.set_map("material", texels.images(ids, none), kind="png")
 
     # Show the clusters in distinct colours
-    used = np.flatnonzero(np.bincount(labels[labels >= 0]))
+    used = np.flatnonzero(counted(labels))
     colors = np.full((count + 1, 3), 60, np.uint8)  # the last: of no cluster
     colors[used] = palette(len(used))
     shown = rowwise(lambda some: colors[some], labels)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from meshlab_svbrdf.blocks import counted, taken
 from meshlab_svbrdf.document.document import Document
 from meshlab_svbrdf.filter import Filter, Namespace, Parameter
 from meshlab_svbrdf.progress import Progress
@@ -135,9 +136,10 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
         document.attribute("diffuse"),
     )
     lights = read_lights_found(document)
-    ids = np.unique(labels[labels >= 0])
-    dense = np.searchsorted(ids, labels).astype(np.int32)
-    dense[labels < 0] = -1
+    count = counted(labels)
+    ids, number = np.flatnonzero(count), np.full(len(count) + 1, -1, np.int32)
+    number[ids] = np.arange(len(ids))
+    dense = taken(number, labels)
 
     ambient, sheen = None, None
     notes: list[str] = []
@@ -173,7 +175,7 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
 
     # Write maps, materials and lights; the maps hold what is seen, as under compact lamps
     seen = np.array([as_seen(m.rho_s, m.alpha, lights) for m in materials] + [(np.nan, np.nan)])
-    rho_s, alpha = ((seen / [100, 1]).astype(np.float32)[:, k][dense] for k in (0, 1))
+    rho_s, alpha = (taken(column, dense) for column in (seen / [100, 1]).astype(np.float32).T)
     document.set_attribute("final_diffuse", diffuse)
     document.set_attribute("material_rho_s", rho_s)
     document.set_attribute("material_alpha", alpha)
@@ -223,7 +225,8 @@ def _set_microfacets(
 ) -> None:
     """Maps of what microfacets are, NaN on texels of other materials and of none."""
     of = [(np.nan,) * 3 if m is None else (m.roughness, m.f0, m.strength) for m in microfacets]
-    roughness, f0, strength = np.array([*of, (np.nan,) * 3], np.float32)[labels].T
+    columns = np.array([*of, (np.nan,) * 3], np.float32).T
+    roughness, f0, strength = (taken(column, labels) for column in columns)
     texels = document.texels()
     document.set_attribute("material_roughness", roughness)
     document.set_attribute("material_f0", f0)

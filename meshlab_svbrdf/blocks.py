@@ -3,6 +3,7 @@
 blocks   slices of a long array      room      a long array that need not be in memory
 rowwise  what is computed from each row      resting   a copy that need not be
 taken    the rows at some places             places    where a mask is true
+counted  how often each label comes
 in_pieces   work on ranges, on all cores
 """
 
@@ -86,6 +87,15 @@ def places(mask: np.ndarray) -> np.ndarray:
         found[count : count + len(here)] = here + own.start
         count += len(here)
     return found
+
+
+def counted(labels: np.ndarray) -> np.ndarray:
+    """np.bincount of the labels (n,) int that are 0 or more."""
+    count = np.zeros(int(labels.max(initial=-1)) + 1, np.int64)
+    for own in blocks(len(labels)):
+        here = labels[own]
+        count += np.bincount(here[here >= 0], minlength=len(count))
+    return count
 
 
 def in_pieces(work: Callable[[int, int], Result], count: int) -> list[Result]:

@@ -12,7 +12,7 @@ import pytest
 from meshlab_svbrdf import blocks as module
 from meshlab_svbrdf.bench.body import body
 from meshlab_svbrdf.bench.walk import frame_camera
-from meshlab_svbrdf.blocks import blocks, places, resting, room, rowwise, taken
+from meshlab_svbrdf.blocks import blocks, counted, places, resting, room, rowwise, taken
 from meshlab_svbrdf.document.layers import mesh_digest
 from meshlab_svbrdf.document.stored import MAPPED, read_array, write_array
 from meshlab_svbrdf.errors import SvbrdfError
@@ -23,7 +23,8 @@ from meshlab_svbrdf.geometry.surface_shape import surface_shape
 from meshlab_svbrdf.geometry.texels import rasterise_texels
 from meshlab_svbrdf.geometry.udim import split_tiles
 from meshlab_svbrdf.geometry.uv_checks import check_uv
-from meshlab_svbrdf.geometry.visibility import vertex_visibility
+from meshlab_svbrdf.geometry.visibility import _edges, vertex_visibility
+from meshlab_svbrdf.reflectance.ambient import openness
 from meshlab_svbrdf.reflectance.fit_samples import choose_texels
 from meshlab_svbrdf.reflectance.gloss_areas import patches
 
@@ -89,17 +90,25 @@ def test_rows_are_worked_on_taken_and_found_in_blocks(small):
     assert rowwise(lambda some: some.astype(np.int8), values[:0]).shape == (0, 3)
 
 
+def test_labels_are_counted_in_blocks(small):
+    labels = np.random.default_rng(0).integers(-1, 5, 50).astype(np.int32)
+    np.testing.assert_array_equal(counted(labels), np.bincount(labels[labels >= 0]))
+    assert len(counted(np.full(3, -1))) == len(counted(labels[:0])) == 0
+
+
 def test_a_mesh_is_checked_and_lit_the_same_in_blocks(monkeypatch):
     mesh, numbers = split_tiles(body(600, tiles=True))
     assert numbers.tolist() == [1001, 1002, 1003, 1011, 1012, 1013]
     sizes = ((40, 40),) * len(numbers)
     camera = frame_camera(3, 64, 48, 1.2, 20.0)
     material = np.random.default_rng(1).integers(-1, 4, 500).astype(np.int32)
+    coefficients = np.random.default_rng(3).random((len(mesh.vertices), 36), np.float32)
+    matrix = np.array([[0, -2, 0, 3], [2, 0, 0, 4], [0, 0, 2, 5], [0, 0, 0, 1.0]])
     counts, turn = np.arange(500) % 20, np.random.default_rng(2).random(500)
 
     def made():
         whole, _ = split_tiles(body(600, tiles=True))
-        texels = rasterise_texels(mesh, sizes)
+        texels, placed = rasterise_texels(mesh, sizes), mesh.transformed(matrix)
         chosen, lacking = choose_texels(material, counts, turn, np.full(4, 0.5), 900)
         return {
             "closed": (mesh.is_closed(), mesh.winding()),
@@ -107,6 +116,9 @@ def test_a_mesh_is_checked_and_lit_the_same_in_blocks(monkeypatch):
             "report": list(vars(check_uv(mesh, sizes)).values()),
             "visibility": vertex_visibility(mesh, 32),
             "normals": replace(mesh, normals=None).vertex_normals(),
+            "edges": _edges(mesh),
+            "placed": (placed.vertices, placed.normals),
+            "open": [openness(texels, mesh.faces, coefficients, texels.normal)],
             "depth": DepthMaps(mesh.vertices, mesh.faces, -1).of(camera),
             "owner": texels.face,
             "images": texels.to_images(texels.position),

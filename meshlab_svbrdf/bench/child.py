@@ -7,15 +7,16 @@ that it was given. Both files are JSON; the request names one of TASKS and its a
 from __future__ import annotations
 
 import json
+import os
 import resource
 import shutil
+import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from threading import Event, Thread
 from typing import Any
 
 import numpy as np
@@ -28,6 +29,7 @@ from ..presets import chain
 from ..registration.track import register_frames
 from ..script import run_script
 from ..threads import thread_count
+from . import watch
 from .analysis import TEXELS, VISIBILITY
 from .body import body
 from .files import ahead
@@ -36,7 +38,6 @@ from .workload import make_workload
 
 Figures = dict[str, Any]
 SAVE = "save"  # the last stage: the project with its layers
-WATCHED = 0.02
 
 
 def run_chain(
@@ -168,45 +169,27 @@ def metered() -> Iterator[Figures]:
     """Wall clock and CPU seconds of what is inside, and the process's peak memory in bytes.
 
     peak : of all pages; own : of those that are no file's, which alone the system cannot take back
-        (looked at every `WATCHED` seconds; all pages, where it does not tell)
+        (as `watch.py` sees it; all pages, where the system does not tell)
     """
     figures: Figures = {}
-    _forget_peak()
-    wall, cpu = time.perf_counter(), time.process_time()
-    over, seen = Event(), [_status("RssAnon")]
-
-    def watch() -> None:
-        while not over.wait(WATCHED):
-            seen.append(max(seen.pop(), _status("RssAnon")))
-
-    watching = Thread(target=watch, daemon=True)
-    watching.start()
-    try:
+    command = [sys.executable, "-I", "-S", watch.__file__, str(os.getpid())]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as watching:
+        assert watching.stdout is not None
+        watching.stdout.readline()  # it has begun
+        _forget_peak()
+        wall, cpu = time.perf_counter(), time.process_time()
         yield figures
-    finally:
-        over.set()
-        watching.join()
-    figures["seconds"] = time.perf_counter() - wall
-    figures["cpu_seconds"] = time.process_time() - cpu
-    figures["peak"] = peak_memory()
-    figures["own"] = max(seen[0], _status("RssAnon")) or figures["peak"]
+        figures["seconds"] = time.perf_counter() - wall
+        figures["cpu_seconds"] = time.process_time() - cpu
+        figures["peak"] = peak_memory()
+        own = int(watching.communicate()[0])
+    figures["own"] = max(own, watch.status("RssAnon")) or figures["peak"]
 
 
 def peak_memory() -> int:
     """Bytes resident at most: since `_forget_peak` where the system tells (Linux), else ever."""
     unit = 1 if sys.platform == "darwin" else 1 << 10
-    return _status("VmHWM") or resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit
-
-
-def _status(name: str) -> int:
-    """Bytes, of a line of /proc/self/status; 0 where there is none."""
-    try:
-        for line in Path("/proc/self/status").read_text().splitlines():
-            if line.startswith(f"{name}:"):
-                return int(line.split()[1]) << 10
-    except OSError:
-        pass
-    return 0
+    return watch.status("VmHWM") or resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit
 
 
 def _forget_peak() -> None:

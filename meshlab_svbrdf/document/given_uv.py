@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..blocks import blocks
 from ..geometry.mesh import Mesh
 from .atomic import named
 
@@ -66,4 +67,7 @@ def given_path(mesh_file: Path) -> Path:
 
 
 def _digest(uv: np.ndarray) -> str:
-    return hashlib.sha256(np.ascontiguousarray(uv, np.float32).tobytes()).hexdigest()
+    sha = hashlib.sha256()
+    for own in blocks(len(uv)):
+        sha.update(np.ascontiguousarray(uv[own], np.float32).data)
+    return sha.hexdigest()

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..blocks import blocks
+from ..blocks import blocks, rowwise
 from ..geometry.mesh import Mesh
 from .mesh_files import MeshFile, read_mesh, write_ply
 from .project import MeshEntry
@@ -91,9 +91,10 @@ def attribute_name(name: str) -> str:
 
 def vertex_properties(name: str, values: np.ndarray) -> dict[str, np.ndarray]:
     """The scalar properties `svbrdf_NAME`, or `svbrdf_NAME_0` … for (T, k), float32."""
+    values = values.astype(np.float32, copy=False)
     if values.ndim == 1:
-        return {f"svbrdf_{name}": values.astype(np.float32)}
-    columns = values.reshape(len(values), -1).astype(np.float32)
+        return {f"svbrdf_{name}": values}
+    columns = values.reshape(len(values), -1)
     return {f"svbrdf_{name}_{k}": columns[:, k] for k in range(columns.shape[1])}
 
 
@@ -121,8 +122,9 @@ def texels_content(
     shown = properties.get(f"svbrdf_{quality}")
     if shown is not None:
         shown = np.where(np.isfinite(shown), shown, np.float32(UNOBSERVED))
+    position = rowwise(lambda some: some.astype(np.float64), texels.position)
     return MeshFile(
-        mesh=Mesh(texels.position.astype(np.float64), np.zeros((0, 3), np.int32), texels.normal),
+        mesh=Mesh(position, np.zeros((0, 3), np.int32), texels.normal),
         vertex_attributes=properties,
         vertex_color=color,
         quality=shown,

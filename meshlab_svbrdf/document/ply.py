@@ -219,7 +219,10 @@ def _integers(
 
 
 def _stack(columns: Mapping[str, Any], names: Sequence[str]) -> np.ndarray:
-    return np.stack([columns[name] for name in names], axis=1).astype(np.float64)
+    rows = room((len(columns[names[0]]), len(names)), np.float64)
+    for column, name in enumerate(names):
+        rows[:, column] = columns[name]
+    return rows
 
 
 def _attributes(columns: Mapping[str, np.ndarray | Lists], path: Path) -> dict[str, np.ndarray]:

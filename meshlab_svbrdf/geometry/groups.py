@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..blocks import BLOCK, blocks
+from ..blocks import BLOCK, blocks, room, rowwise
 from ..jit import kernel
 
 GROUP = 64
@@ -82,12 +82,16 @@ def faces_away(groups, g, eye):
 def walk(position: np.ndarray) -> np.ndarray:
     """An order (N,) of points (N, 3) in which neighbours stay near: interleaved 10-bit codes."""
     low, extent = position.min(0), max(float(np.ptp(position, axis=0).max()), 1e-30)
-    code = np.zeros(len(position), np.uint32)
+    key = room(len(position), np.uint64)  # the code, and after it the place so far
     spreading = (16, 0x030000FF), (8, 0x0300F00F), (4, 0x030C30C3), (2, 0x09249249)
     for own in blocks(len(position)):
+        code = np.zeros(own.stop - own.start, np.uint32)
         for axis in range(3):
             x = ((position[own, axis] - low[axis]) / extent * 1023).astype(np.uint32)
             for shift, mask in spreading:
                 x = (x | (x << np.uint32(shift))) & np.uint32(mask)
-            code[own] |= x << np.uint32(axis)
-    return np.argsort(code, kind="stable")
+            code |= x << np.uint32(axis)
+        place = np.arange(own.start, own.stop, dtype=np.uint64)
+        key[own] = code.astype(np.uint64) << np.uint64(32) | place
+    key.sort()
+    return rowwise(lambda some: (some & np.uint64(0xFFFFFFFF)).astype(np.int64), key)

@@ -7,7 +7,10 @@ from functools import cached_property
 
 import numpy as np
 
-from ..blocks import blocks, room
+from ..blocks import blocks, room, rowwise
+
+CELL = 1e-6
+"""Radii within which vertices count as one, where a surface is asked whether it is closed."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +46,9 @@ class Mesh:
         Where the file's is zero the faces' mean stands in. A vertex without any area around it gets
         a zero vector: no view direction faces it.
         """
-        given = np.zeros_like(self.vertices) if self.normals is None else _unit(self.normals)
+        if self.normals is None:
+            return self._face_means()
+        given = rowwise(_unit, self.normals)
         lost = ~given.any(axis=1)
         if lost.any():
             given[lost] = self._face_means()[lost]
@@ -63,8 +68,7 @@ class Mesh:
         Vertices at the same place, to a millionth of the radius, count as one: files double them
         along the seams of textures.
         """
-        grid = np.rint((self.vertices - self.center) / max(1e-6 * self.radius, 1e-300))
-        place = np.unique(grid + 0.0, axis=0, return_inverse=True)[1].ravel()
+        place = self._places()
         edges, backwards = (room(self.faces.size, np.int64) for _ in range(2))
         count = 0
         for own in blocks(len(self.faces)):
@@ -80,6 +84,19 @@ class Mesh:
         once = bool((edges[1:] != edges[:-1]).all())
         return len(edges) > 0 and once and bool((edges == backwards).all())
 
+    def _places(self) -> np.ndarray:
+        """Numbers below V, int64, that are the same where vertices are within a cell of a grid."""
+        cell = max(CELL * self.radius, 1e-300)
+
+        def key(vertices: np.ndarray) -> np.ndarray:
+            grid = np.rint((vertices - self.center) / cell).astype(np.int64) + (1 << 20)
+            return (grid[:, 0] << 42) + (grid[:, 1] << 21) + grid[:, 2]
+
+        keys = rowwise(key, self.vertices)
+        ordered = rowwise(np.copy, keys)
+        ordered.sort()
+        return rowwise(ordered.searchsorted, keys)
+
     def _areas(self, own: slice) -> np.ndarray:
         """Of some faces: normals twice as long as their area, (n, 3)."""
         a, b, c = np.moveaxis(self.vertices[self.faces[own]], 1, 0)
@@ -89,10 +106,11 @@ class Mesh:
         area = room((len(self.faces), 3), np.float64)
         for own in blocks(len(area)):
             area[own] = self._areas(own)
-        total = np.zeros_like(self.vertices)
+        total = room(self.vertices.shape, np.float64)
+        total[:] = 0
         for corner in range(3):
             np.add.at(total, self.faces[:, corner], area)
-        return _unit(total)
+        return rowwise(_unit, total)
 
     def transformed(self, matrix: np.ndarray) -> Mesh:
         """The mesh after an affine (4, 4) matrix, normals by the inverse transpose.
@@ -101,8 +119,11 @@ class Mesh:
         """
         linear = matrix[:3, :3]
         normals = self.vertex_normals() if np.linalg.det(linear) < 0 else self.normals
-        normals = None if normals is None else _unit(normals @ np.linalg.inv(linear))
-        return replace(self, vertices=self.vertices @ linear.T + matrix[:3, 3], normals=normals)
+        if normals is not None:
+            inverse = np.linalg.inv(linear)
+            normals = rowwise(lambda some: _unit(some @ inverse), normals)
+        vertices = rowwise(lambda some: some @ linear.T + matrix[:3, 3], self.vertices)
+        return replace(self, vertices=vertices, normals=normals)
 
 
 def _unit(vectors: np.ndarray) -> np.ndarray:

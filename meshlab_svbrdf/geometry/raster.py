@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..blocks import blocks, rowwise
+from ..blocks import blocks, places, room, rowwise, taken
 from ..jit import inner, kernel
 from .camera import Camera
 from .groups import GROUP, Groups, faces_away, group, walk
@@ -243,7 +243,7 @@ def _fill(
     inverse_depth: np.ndarray, face_index: np.ndarray | None,
 ) -> None:  # fmt: skip
     """vertices : (3, V)"""
-    points = np.empty(vertices.shape)
+    points = room(vertices.shape, np.float64)
     _project_vertices(
         vertices, camera.R, camera.t, camera.fx, camera.fy, camera.cx, camera.cy, points
     )
@@ -254,6 +254,13 @@ def _fill(
         points, homogeneous, faces, groups, camera.center, front, camera.height, camera.width,
         inverse_depth.reshape(-1), None if face_index is None else face_index.reshape(-1),
     )  # fmt: skip
+
+
+def _columns(vertices: np.ndarray) -> np.ndarray:
+    """(3, V) float64 of (V, 3), which may be long."""
+    columns = room(vertices.shape[::-1], np.float64)
+    columns[:] = vertices.T
+    return columns
 
 
 def rasterise(
@@ -273,16 +280,14 @@ def rasterise(
     """
     inverse_depth = np.zeros((camera.height, camera.width), np.float32)
     face_index = np.full((camera.height, camera.width), -1, np.int32)
-    columns = np.ascontiguousarray(vertices.T)
-    _fill(columns, faces, _UNGROUPED, camera, 0, inverse_depth, face_index)
+    _fill(_columns(vertices), faces, _UNGROUPED, camera, 0, inverse_depth, face_index)
     return inverse_depth, face_index
 
 
 def rasterise_depth(vertices: np.ndarray, faces: np.ndarray, camera: Camera) -> np.ndarray:
     """As `rasterise`, 1/z alone."""
     inverse_depth = np.zeros((camera.height, camera.width), np.float32)
-    columns = np.ascontiguousarray(vertices.T)
-    _fill(columns, faces, _UNGROUPED, camera, 0, inverse_depth, None)
+    _fill(_columns(vertices), faces, _UNGROUPED, camera, 0, inverse_depth, None)
     return inverse_depth
 
 
@@ -299,20 +304,22 @@ class DepthMaps:
     """
 
     def __init__(self, vertices: np.ndarray, faces: np.ndarray, front: int) -> None:
-        faces = faces[np.isfinite(vertices).all(1)[faces].all(1)]
+        finite = np.isfinite(vertices).all(1)
+        faces = taken(faces, places(rowwise(lambda some: finite[some].all(1), faces)))
         if len(faces):
-            faces = faces[walk(rowwise(lambda some: vertices[some].mean(1), faces))]
+            faces = taken(faces, walk(rowwise(lambda some: vertices[some].mean(1), faces)))
         # Number the vertices as the faces come to them
         corners = faces.reshape(-1)
-        first = np.full(len(vertices), len(corners))
+        first = room(len(vertices), np.int64)
+        first[:] = len(corners)
         for own in reversed(list(blocks(len(corners)))):
             first[corners[own][::-1]] = np.arange(own.start, own.stop)[::-1]
         order = np.argsort(first, kind="stable")
         number = np.empty(len(order), np.int32)
         number[order] = np.arange(len(order), dtype=np.int32)
-        self._faces = number[faces]
+        self._faces = taken(number, faces)
         used = np.count_nonzero(first < len(corners))
-        self._vertices = np.ascontiguousarray(vertices[order[:used]].T)
+        self._vertices = _columns(taken(vertices, order[:used]))
         self._front, self._groups = front, _UNGROUPED
         if front:
 

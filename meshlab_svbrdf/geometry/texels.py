@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..blocks import blocks, places, room, taken
+from ..blocks import blocks, places, room, rowwise, taken
 from ..jit import kernel
 from .groups import walk
 from .mesh import Mesh
@@ -134,8 +134,8 @@ def rasterise_texels(mesh: Mesh, sizes: tuple[tuple[int, int], ...]) -> Texels:
     face, barycentric, texture, row, col = (_joined(parts) for _ in range(5))
 
     center = mesh.center
-    vertices = (mesh.vertices - center).astype(np.float32)
-    directions = mesh.vertex_normals().astype(np.float32)
+    vertices = rowwise(lambda some: (some - center).astype(np.float32), mesh.vertices)
+    directions = rowwise(lambda some: some.astype(np.float32), mesh.vertex_normals())
     position, normal = (room((len(face), 3), np.float32) for _ in range(2))
     for block in blocks(len(face)):
         corners = mesh.faces[face[block]]

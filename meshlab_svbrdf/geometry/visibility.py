@@ -13,13 +13,14 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from threading import Lock
 
 import numpy as np
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 from scipy.sparse import csr_array
 
-from ..blocks import blocks, room, rowwise
+from ..blocks import blocks, places, room, rowwise, taken
 from ..jit import kernel
 from .harmonics import BANDS, COEFFICIENTS, basis
 from .mesh import Mesh
@@ -40,6 +41,8 @@ FEW = 10_000
 """Rays that are shot before threads to share them have started."""
 ROOM, ROOM_PER_FACE = 200 << 20, 400
 """Bytes that Embree may want; where it finds none it crashes."""
+RESTING = 1 << 30
+"""Of the latter bytes, from which on a tree is large: not held while no rays are shot."""
 _HALF_LEGENDRE = np.array([1, 1 / 2, 0, -1 / 8, 0, 1 / 16])  # ∫₀¹ P_l
 
 
@@ -48,14 +51,34 @@ class Rays:
 
     def __init__(self, mesh: Mesh) -> None:
         self.center, self.radius = mesh.center, mesh.radius
+        self._mesh, self._building = mesh, Lock()
+        self._large = ROOM_PER_FACE * len(mesh.faces) >= RESTING
+        self._scene = None if self._large else self._built()
+
+    @property
+    def scene(self) -> EmbreeScene:
+        """Embree's tree of the triangles; a large one is built when it is first wanted."""
+        with self._building:
+            if self._scene is None:
+                self._scene = self._built()
+            return self._scene
+
+    def rest(self) -> None:
+        """Let go of a large tree until rays are shot again; none may be on their way."""
+        if self._large:
+            self._scene = None
+
+    def _built(self) -> EmbreeScene:
+        mesh = self._mesh
         np.empty(ROOM + ROOM_PER_FACE * len(mesh.faces), np.uint8)  # MemoryError in its place
-        self.scene = EmbreeScene(robust=True)
+        scene = EmbreeScene(robust=True)
         TriangleMesh(
-            self.scene,
-            (mesh.vertices - self.center).astype(np.float32),
+            scene,
+            rowwise(lambda some: (some - self.center).astype(np.float32), mesh.vertices),
             np.ascontiguousarray(mesh.faces, dtype=np.int32),
         )
-        self.scene.run(np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32))  # build it now
+        scene.run(np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32))
+        return scene
 
     def blocked(self, origins: np.ndarray, directions: np.ndarray, reach=None) -> np.ndarray:
         """Whether anything is hit within `reach` lengths of the direction; (N,) bool.
@@ -131,8 +154,7 @@ def vertex_visibility(
     # Where the neighbours agree, what they see is what is seen between them
     agree = np.zeros(len(taken), bool)
     powers = rowwise(lambda some: (some**2).sum(axis=1), taken)
-    for own in blocks(len(taken)):
-        near = between[own]
+    for own, near in zip(blocks(len(taken)), between, strict=True):
         count = near.sum(axis=1)
         mean = near @ taken / np.maximum(count, 1)[:, None]
         power = near @ powers / np.maximum(count, 1)
@@ -158,35 +180,46 @@ def _hemispheres(normals: np.ndarray) -> np.ndarray:
     return 2 * np.pi * shares * basis(normals) * normals.any(axis=1, keepdims=True)
 
 
-def _between(mesh: Mesh, normals: np.ndarray) -> tuple[np.ndarray, csr_array]:
+def _between(mesh: Mesh, normals: np.ndarray) -> tuple[np.ndarray, list[csr_array]]:
     """Vertices of which no two share an edge, ascending, and which of them are near the others.
 
     Returns their indices, and a (V, V) matrix of ones where the column is such a vertex, shares an
-    edge with the row, is no farther than `NEAR` and faces the same side.
+    edge with the row, is no farther than `NEAR` and faces the same side: `blocks` of its rows.
     """
-    a, b, c = mesh.faces.T
-    ends = np.concatenate([a, b, c, b, c, a]), np.concatenate([b, c, a, a, b, c])
+    indptr, indices = _edges(mesh)
     size = len(mesh.vertices)
-    graph = csr_array((np.ones(len(ends[0]), np.int8), ends), shape=(size, size))
-    del ends
-    graph.sum_duplicates()
     chosen = np.zeros(size, np.bool_)
-    _choose(graph.indptr, graph.indices, normals.any(axis=1), chosen)
-    columns, counts = [np.empty(0, np.int32)], np.zeros(size + 1, np.int64)
+    _choose(indptr, indices, normals.any(axis=1), chosen)
+    near = []
     reach = NEAR * mesh.radius
     for own in blocks(size):
-        span = graph.indptr[own.start : own.stop + 1]
+        span = indptr[own.start : own.stop + 1]
         row = np.repeat(np.arange(own.start, own.stop), np.diff(span))
-        column = graph.indices[span[0] : span[-1]]
+        column = indices[span[0] : span[-1]]
         apart = np.linalg.norm(mesh.vertices[row] - mesh.vertices[column], axis=1)
         same = np.einsum("ij,ij->i", normals[row], normals[column]) > 0
         used = chosen[column] & ~chosen[row] & (apart <= reach) & same
         found = np.bincount(row[used] - own.start, minlength=len(span) - 1)
-        counts[own.start + 1 : own.stop + 1] = found
-        columns.append(column[used])
-    indices = np.concatenate(columns)
-    near = csr_array((np.ones(len(indices)), indices, np.cumsum(counts)), shape=(size, size))
+        starts, column = np.concatenate([[0], np.cumsum(found)]), column[used]
+        shape = (len(found), size)
+        near.append(csr_array((np.ones(len(column), np.int8), column, starts), shape=shape))
     return np.flatnonzero(chosen), near
+
+
+def _edges(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
+    """Which vertices share an edge, both ways: indptr (V + 1,) int64, indices (E,) int32."""
+    size, count = len(mesh.vertices), len(mesh.faces)
+    key = room(6 * count, np.int64)
+    for own in blocks(count):
+        corners = mesh.faces[own].astype(np.int64)
+        for k, (a, b) in enumerate(((0, 1), (1, 2), (2, 0), (1, 0), (2, 1), (0, 2))):
+            key[k * count + own.start : k * count + own.stop] = corners[:, a] * size + corners[:, b]
+    key.sort()
+    fresh = np.ones(len(key), bool)
+    np.not_equal(key[1:], key[:-1], out=fresh[1:])
+    key = taken(key, places(fresh))
+    indptr = np.searchsorted(key, np.arange(size + 1) * size)
+    return indptr, rowwise(lambda some: (some % size).astype(np.int32), key)
 
 
 @kernel
@@ -327,4 +360,7 @@ def remap(visibility: np.ndarray) -> np.ndarray:
 def _off_surface(
     mesh: Mesh | Rays, points: np.ndarray, normals: np.ndarray, offset: float
 ) -> np.ndarray:
-    return (points - mesh.center + offset * mesh.radius * normals).astype(np.float32)
+    lift = offset * mesh.radius
+    return rowwise(
+        lambda some, up: (some - mesh.center + lift * up).astype(np.float32), points, normals
+    )

@@ -86,8 +86,9 @@ HELD_TEXELS = LARGE / 12
 """Of more texels what is worked on lies in files (`blocks.room`), three float32 each."""
 FILED_BYTES = 89.0
 """Of memory, per texel of all, however many there are (docs/huge_objects.md)."""
-MESH_BYTES = 680.0
-"""Of memory, per vertex, while rays are shot and frames are sampled."""
+MESH_BYTES = 380.0
+"""Of memory, per vertex, while rays are shot and frames are sampled: the most of all stages of
+`meshlab-svbrdf bench --tiles` on 10⁷ triangles, less the program's (docs/huge_objects.md)."""
 RESULT_BYTES, VERTEX_BYTES, MAP_BYTES = 300.0, 300.0, 5e6
 """On disk: per texel, per vertex, and of the environment map."""
 

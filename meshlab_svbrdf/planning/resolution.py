@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..blocks import places, rowwise, taken
 from ..geometry.camera import Camera
 from ..geometry.mesh import Mesh
 
@@ -60,13 +61,23 @@ def resolution(mesh: Mesh, cameras: Sequence[Camera]) -> Resolution:
     middle = mesh.center
     distances = [np.linalg.norm(c.center - middle) / max(c.fx, c.fy) for c in cameras]
     pixel = float(np.quantile(distances, NEAREST))
-    corners = mesh.vertices[mesh.faces]
-    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    surface = np.linalg.norm(across, axis=1).sum() / 2
+    surface = rowwise(lambda own: _twice_in_space(mesh.vertices[own]), mesh.faces).sum() / 2
     charts = FILLED
     if mesh.uv is not None:
-        a, b = mesh.uv[:, 1] - mesh.uv[:, 0], mesh.uv[:, 2] - mesh.uv[:, 0]
-        areas = np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]) / 2
-        charts = float(areas[np.isfinite(areas)].sum()) or FILLED
+        areas = rowwise(_area_in_texture, mesh.uv)
+        charts = float(taken(areas, places(np.isfinite(areas))).sum()) or FILLED
     width = min(camera.width for camera in cameras)
     return Resolution(pixel, float(np.sqrt(surface / charts)) / pixel, charts, width)
+
+
+def _twice_in_space(corners: np.ndarray) -> np.ndarray:
+    """Twice the areas of faces (F, 3, 3)."""
+    return np.linalg.norm(
+        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
+    )
+
+
+def _area_in_texture(uv: np.ndarray) -> np.ndarray:
+    """The areas of faces (F, 3, 2)."""
+    a, b = uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0]
+    return np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]) / 2

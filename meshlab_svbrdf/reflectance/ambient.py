@@ -61,7 +61,7 @@ def openness(
         return np.ones(len(normal))
     zonal = np.repeat(_COSINE, [2 * l + 1 for l in range(len(_COSINE))])[:COEFFICIENTS]
     share = room(len(normal), np.float64)
-    weighted = coefficients * zonal
+    weighted = rowwise(lambda some: some * zonal, coefficients)
 
     def work(first: int, stop: int) -> None:
         _openness(first, stop, faces, texels.face, texels.barycentric, weighted, normal, share)

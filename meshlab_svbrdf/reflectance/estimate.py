@@ -116,6 +116,8 @@ def estimate(
         )
     gloss, tint = described(chosen.materials, chosen.microfacets)
     refit = refitting(observations, diffuse, material, gloss, tint, chosen.lights)
+    if observations.rays is not None:
+        observations.rays.rest()
     refitted, *covered = observations.store.rows(
         partial(_both, refit, covering(observations)), part(0.8, 0.9, "diffuse colour")
     )

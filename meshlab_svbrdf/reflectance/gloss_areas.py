@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from ..blocks import blocks, rowwise
+from ..blocks import blocks, counted, rowwise, taken
 from ..samples.observations import Observations
 from ..threads import side_by_side, thread_count
 from .elimination import ALPHAS, eliminate, profile
@@ -107,11 +107,11 @@ def by_gloss(
 
 def by_size(labels: np.ndarray) -> np.ndarray:
     """Labels numbered from 0 by falling size, -1 for none."""
-    count = np.bincount(labels[labels >= 0])
+    count = counted(labels)
     number = np.full(len(count) + 1, -1, np.int32)
     order = np.argsort(-count, kind="stable")[: np.count_nonzero(count)]
     number[order] = np.arange(len(order))
-    return number[labels]
+    return taken(number, labels)
 
 
 def light_up(

@@ -175,7 +175,8 @@ def segment_surface(
     observed = places(left_out)
     kept = observed[thin(taken(position, observed), taken(normal, observed), most)]
     graph = neighbours(position[kept], normal[kept])
-    labels = np.full(len(diffuse), -1, np.int32)
+    labels = room(len(diffuse), np.int32)
+    labels[:] = -1
     labels[kept] = segment(diffuse[kept], graph, **options)
 
     # Spread the labels to the texels that were thinned out

@@ -7,6 +7,8 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
+from ..blocks import places, taken
+
 
 class Scale(NamedTuple):
     """From where to where colours tell values, and whether they go by their logarithms."""
@@ -25,8 +27,11 @@ class Scale(NamedTuple):
 def scale_of(values: np.ndarray, logarithmic: bool = False) -> Scale:
     """From the first to the last percent of values (T,), NaN where unknown; half of it to both
     sides where all are the same. A logarithmic scale needs values above 0."""
-    known = values[np.isfinite(values)]
-    low, high = map(float, np.quantile(known, [0.01, 0.99])) if len(known) else (0.0, 1.0)
+    flat = np.ravel(values)
+    known = taken(flat, places(np.isfinite(flat)))
+    low, high = (0.0, 1.0)
+    if len(known):
+        low, high = map(float, np.quantile(known, [0.01, 0.99], overwrite_input=True))
     if high - low <= 1e-6 * max(abs(low), abs(high)):
         low, high = low - 0.5 * max(abs(low), 1e-3), high + 0.5 * max(abs(high), 1e-3)
     return Scale(low, high, logarithmic and low > 0)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from ..blocks import LARGE, room
+from ..blocks import LARGE, room, rowwise
 from ..geometry.camera import Camera
 from ..geometry.groups import GROUP, faces_away, group
 from ..geometry.mesh import Mesh
@@ -247,7 +247,7 @@ class FrameSampler:
         self.reference_depth = reference_depth
         self.quality = quality or Quality()
         self.groups = group(texels.position, texels.normal, self.quality.cut)
-        vertices = mesh.vertices - texels.center
+        vertices = rowwise(lambda some: some - texels.center, mesh.vertices)
         front = -mesh.winding() if mesh.is_closed() else 0
         self.depth_maps = DepthMaps(vertices, mesh.faces, front)
         low, high = vertices.min(0), vertices.max(0)

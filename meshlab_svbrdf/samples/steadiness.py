@@ -59,8 +59,8 @@ def _changes(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
     """Texels with enough samples on both sides, how their median changes across, and how far the
     samples of each side differ."""
-    count = 2 * (int(texel.max(initial=-1)) + 1)
-    group = 2 * texel + late
+    there, own = np.unique(texel, return_inverse=True)
+    count, group = 2 * len(there), 2 * own + late
     samples = np.bincount(group, minlength=count).reshape(-1, 2).min(1)
     seen = np.flatnonzero(samples >= LEAST_SAMPLES)
     if len(seen) < LEAST_TEXELS:
@@ -69,7 +69,7 @@ def _changes(
     median = groups.median(value)
     spread = 1.4826 * groups.median(np.abs(value - median[group])).reshape(-1, 2)[seen]
     early, later = median.reshape(-1, 2)[seen].T
-    return seen, later - early, np.hypot(*spread.T)
+    return there[seen], later - early, np.hypot(*spread.T)
 
 
 def _along(normal: np.ndarray, change: np.ndarray, unsure: np.ndarray) -> np.ndarray:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -20,6 +21,7 @@ from meshlab_svbrdf.bench.analysis import (
     roofline,
     slope,
 )
+from meshlab_svbrdf.bench.child import metered
 from meshlab_svbrdf.bench.huge import growth
 from meshlab_svbrdf.bench.machine import cores, machine
 from meshlab_svbrdf.bench.machine import measure as measured
@@ -213,3 +215,13 @@ def test_the_machine_moves_and_adds():
     assert told["cores"] == thread_count()
     assert told["copy_bytes"] > 1e8
     assert told["operations"] > 1e7
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux tells what is no file's")
+def test_memory_is_seen_that_was_taken_between_two_looks_of_ours():
+    with metered() as before:
+        pass
+    with metered() as figures:
+        np.ones(64 << 20, np.uint8).tobytes()  # holds the interpreter
+    assert figures["own"] >= before["own"] + (100 << 20)
+    assert figures["peak"] >= figures["own"]

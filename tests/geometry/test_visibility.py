@@ -12,6 +12,7 @@ from meshlab_svbrdf.geometry.harmonics import basis
 from meshlab_svbrdf.geometry.mesh import Mesh
 from meshlab_svbrdf.geometry.visibility import (
     Rays,
+    _edges,
     _hemispheres,
     _Obstacles,
     directional_visibility,
@@ -238,3 +239,27 @@ def test_where_memory_lacks_that_is_said_in_place_of_a_crash(monkeypatch):
     monkeypatch.setattr(visibility, "ROOM", 1 << 60)
     with pytest.raises(MemoryError):
         visibility.Rays(bowl())
+
+
+def test_a_large_tree_is_built_when_it_is_wanted_and_rests_after(monkeypatch):
+    origins, directions = [[0.25, 0.5, 3], [0, 0, 3]], [-UP, UP]
+    held = Rays(square())
+    held.rest()
+    assert held._scene is not None
+    monkeypatch.setattr(visibility, "RESTING", 0)
+    rays = Rays(square())
+    for _ in range(2):
+        assert rays._scene is None
+        assert rays.blocked(origins, directions).tolist() == [True, False]
+        assert held.blocked(origins, directions).tolist() == [True, False]
+        assert rays._scene is not None
+        rays.rest()
+
+
+def test_edges_are_those_of_the_faces_once_each_way():
+    mesh = bowl()
+    indptr, indices = _edges(mesh)
+    rows = np.repeat(np.arange(len(mesh.vertices)), np.diff(indptr))
+    told = list(zip(rows.tolist(), indices.tolist(), strict=True))
+    sides = {(int(f[k]), int(f[k - 1])) for f in mesh.faces for k in range(3)}
+    assert told == sorted(sides | {(b, a) for a, b in sides})
