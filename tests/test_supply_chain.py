@@ -69,5 +69,5 @@ def test_only_batches_benchmarks_and_the_compiling_start_processes():
     }
     assert starting == {
         f"meshlab_svbrdf/{name}.py"
-        for name in ("batch", "bench/machine", "bench/first_run", "kernels")
+        for name in ("batch", "bench/child", "bench/machine", "bench/first_run", "kernels")
     }
