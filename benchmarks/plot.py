@@ -29,6 +29,7 @@ def time_plot(rows: Sequence[Row], path: Path) -> None:
 
     matplotlib.use("Agg")
     from matplotlib import pyplot
+    from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
     figure, axes = pyplot.subplots(1, 2, figsize=(10, 4.2), layout="constrained")
     for axis, (key, sign, label) in zip(axes, PANELS, strict=True):
@@ -46,17 +47,23 @@ def time_plot(rows: Sequence[Row], path: Path) -> None:
         slow = [(row["seconds"], row[key]) for row in shown if "over_time" in row]
         if slow:
             axis.plot(*zip(*slow, strict=True), color=STYLES[PEER][0], linewidth=1, alpha=0.5)
-        for row in shown:
-            if row["group"] in (PRESET, PEER, PAPER):
-                axis.annotate(
-                    row["name"], (row["seconds"], row[key]), (6, 5), textcoords="offset points",
-                    fontsize=9, weight="bold" if row["group"] == PRESET else "normal",
-                )  # fmt: skip
+        named = sorted(
+            (row for row in shown if row["group"] in (PRESET, PEER, PAPER)),
+            key=lambda row: row["seconds"],
+        )
+        for k, row in enumerate(named):  # neighbours are named above and below
+            axis.annotate(
+                row["name"], (row["seconds"], row[key]), (6, -12 if k % 2 else 6), fontsize=9,
+                textcoords="offset points", weight="bold" if row["group"] == PRESET else "normal",
+            )  # fmt: skip
         axis.set_xscale("log")
+        axis.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        axis.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+        axis.xaxis.set_minor_formatter(NullFormatter())
         axis.set_xlabel("seconds")
         axis.set_title(label, fontsize=10)
         axis.grid(alpha=0.25, which="both")
-        axis.margins(x=0.12)
+        axis.margins(x=0.12, y=0.09)
     axes[0].legend(fontsize=8, loc="best")
     figure.savefig(path, dpi=110)
     pyplot.close(figure)
