@@ -44,13 +44,13 @@ PRESETS = {
             TEXTURE_SIZE: "512",
             SPACING: "6",
             FRAMES: "90",
-            DIRECTIONS: "128",
+            DIRECTIONS: "256",
             "generate_svbrdf_environment_map.samples": "500000",
         },
     ),
     "standard": Preset(
         "the default: a frame every 3°, 160 at most",
-        {SPACING: "3", FRAMES: "160", DIRECTIONS: "128"},
+        {SPACING: "3", FRAMES: "160", DIRECTIONS: "256"},
     ),
     "full": Preset("every frame: the last tenths of a decibel"),
 }
