@@ -1,9 +1,9 @@
 """Long arrays block by block: what is computed from a block may be large, the block is not.
 
-blocks   slices of a long array      room      a long array that need not be in memory
-rowwise  what is computed from each row      resting   a copy that need not be
-taken    the rows at some places             places    where a mask is true
-counted  how often each label comes
+blocks      slices of a long array             room     a long array that need not be in memory
+rowwise     what is computed from each row     resting  a copy that need not be
+taken       the rows at some places            places   where a mask is true
+transposed  rows turned into columns           counted  how often each label comes
 in_pieces   work on ranges, on all cores
 """
 
@@ -72,6 +72,13 @@ def rowwise(work: Callable[..., np.ndarray], *columns: np.ndarray) -> np.ndarray
     for own in blocks(len(whole)):
         whole[own] = work(*(column[own] for column in columns))
     return whole
+
+
+def transposed(rows: np.ndarray, kind: Any) -> np.ndarray:
+    """The columns of rows (n, k) as (k, n) of that type, which may be long."""
+    columns = room(rows.shape[::-1], kind)
+    columns[...] = rows.T
+    return columns
 
 
 def taken(values: np.ndarray, *at: np.ndarray) -> np.ndarray:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..blocks import blocks, places, room, rowwise, taken
+from ..blocks import blocks, places, room, rowwise, taken, transposed
 from ..jit import inner, kernel
 from .camera import Camera
 from .groups import GROUP, Groups, faces_away, group, walk
@@ -256,13 +256,6 @@ def _fill(
     )  # fmt: skip
 
 
-def _columns(vertices: np.ndarray) -> np.ndarray:
-    """(3, V) float64 of (V, 3), which may be long."""
-    columns = room(vertices.shape[::-1], np.float64)
-    columns[:] = vertices.T
-    return columns
-
-
 def rasterise(
     vertices: np.ndarray, faces: np.ndarray, camera: Camera
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -280,14 +273,14 @@ def rasterise(
     """
     inverse_depth = np.zeros((camera.height, camera.width), np.float32)
     face_index = np.full((camera.height, camera.width), -1, np.int32)
-    _fill(_columns(vertices), faces, _UNGROUPED, camera, 0, inverse_depth, face_index)
+    _fill(transposed(vertices, np.float64), faces, _UNGROUPED, camera, 0, inverse_depth, face_index)
     return inverse_depth, face_index
 
 
 def rasterise_depth(vertices: np.ndarray, faces: np.ndarray, camera: Camera) -> np.ndarray:
     """As `rasterise`, 1/z alone."""
     inverse_depth = np.zeros((camera.height, camera.width), np.float32)
-    _fill(_columns(vertices), faces, _UNGROUPED, camera, 0, inverse_depth, None)
+    _fill(transposed(vertices, np.float64), faces, _UNGROUPED, camera, 0, inverse_depth, None)
     return inverse_depth
 
 
@@ -319,7 +312,7 @@ class DepthMaps:
         number[order] = np.arange(len(order), dtype=np.int32)
         self._faces = taken(number, faces)
         used = np.count_nonzero(first < len(corners))
-        self._vertices = _columns(taken(vertices, order[:used]))
+        self._vertices = transposed(taken(vertices, order[:used]), np.float64)
         self._front, self._groups = front, _UNGROUPED
         if front:
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from ..blocks import LARGE, room, rowwise
+from ..blocks import LARGE, room, rowwise, transposed
 from ..geometry.camera import Camera
 from ..geometry.groups import GROUP, faces_away, group
 from ..geometry.mesh import Mesh
@@ -242,7 +242,7 @@ class FrameSampler:
     ):
         self.texels = texels
         self.position, self.normal = (
-            _columns(values) for values in (texels.position, texels.normal)
+            transposed(values, np.float32) for values in (texels.position, texels.normal)
         )
         self.reference_depth = reference_depth
         self.quality = quality or Quality()
@@ -311,13 +311,6 @@ class FrameSampler:
         if texel.nbytes >= LARGE:  # what was not written takes no memory
             return SampledFrame(texel[:n], value[:n])
         return SampledFrame(texel[:n].copy(), value[:n].copy())
-
-
-def _columns(values: np.ndarray) -> np.ndarray:
-    """(3, T) float32 of (T, 3), which may be long."""
-    columns = room(values.shape[::-1], np.float32)
-    columns[...] = values.T
-    return columns
 
 
 def _window(camera: Camera, box: np.ndarray) -> tuple[int, int, int, int]:
