@@ -27,7 +27,7 @@ from ._stages import counted, share
 
 VARYING = 0.03  # robust spread of ln gain; a locked exposure leaves .003
 CHANGED = 0.03
-"""Of ln brightness of one side over the other: .01 at most under steady light, .03 with much gold;
+"""Of ln brightness of one side over the other: .01 at most under steady light, .02 with much gloss;
 .04 to .2 where what faces one way gets 30 % less from the middle on (docs/stability.md)."""
 FICKLE = 0.06
 """Of ln brightness from frame to frame: texels that change more are all gloss, and tell nothing of

@@ -56,7 +56,7 @@ def apply(document: Document, parameters: Namespace, progress: Progress) -> str:
         mesh, parameters.directions, parameters.bands,
         lambda done: progress(done, "shooting rays"), rays,
     )  # fmt: skip
-    del rays
+    del rays  # Embree's tree is no longer wanted
     if parameters.bands < BANDS:
         coefficients = np.pad(coefficients, ((0, 0), (0, BANDS**2 - coefficients.shape[1])))
     document.set_array("visibility", coefficients)

@@ -61,7 +61,7 @@ def resolution(mesh: Mesh, cameras: Sequence[Camera]) -> Resolution:
     middle = mesh.center
     distances = [np.linalg.norm(c.center - middle) / max(c.fx, c.fy) for c in cameras]
     pixel = float(np.quantile(distances, NEAREST))
-    surface = rowwise(lambda own: _twice_in_space(mesh.vertices[own]), mesh.faces).sum() / 2
+    surface = rowwise(lambda own: _area_in_space(mesh.vertices[own]), mesh.faces).sum()
     charts = FILLED
     if mesh.uv is not None:
         areas = rowwise(_area_in_texture, mesh.uv)
@@ -70,11 +70,10 @@ def resolution(mesh: Mesh, cameras: Sequence[Camera]) -> Resolution:
     return Resolution(pixel, float(np.sqrt(surface / charts)) / pixel, charts, width)
 
 
-def _twice_in_space(corners: np.ndarray) -> np.ndarray:
-    """Twice the areas of faces (F, 3, 3)."""
-    return np.linalg.norm(
-        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
-    )
+def _area_in_space(corners: np.ndarray) -> np.ndarray:
+    """The areas of faces (F, 3, 3)."""
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    return np.linalg.norm(across, axis=1) / 2
 
 
 def _area_in_texture(uv: np.ndarray) -> np.ndarray:
